@@ -123,6 +123,7 @@ def diagnose(
         verification=None if unseen is None else verify(before.fit, after.fit, unseen, seed),
         bad_captures=bad,
         budget=time,
+        not_named=explanation.not_named,
         imperfections=imperfections_in(explanation.fit),
         unknown_scenes=judged_by_unknown_scenes(
             captures, model, ideal.hypothesis, explanation.fit.hypothesis, seed, on_progress

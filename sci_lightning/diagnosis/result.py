@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 from sci_lightning.diagnosis.bad_captures.leave_out import BadCapture
@@ -135,6 +135,7 @@ class CalibratedResult(Result):
         imperfections: errors of the laboratory that the model of every camera contains, where they are certain.
         budget: processor time, and what was left out for lack of it.
         unknown_scenes: what snapshots of unknown scenes say about the corrected camera; None where there are none.
+        not_named: how probable other effects are that were fitted beside the named ones, by name.
     """
 
     mode = "calibrated"
@@ -150,6 +151,7 @@ class CalibratedResult(Result):
     bad_captures: tuple[BadCapture, ...] = ()
     imperfections: tuple[NamedEffect, ...] = ()
     unknown_scenes: UnknownScenes | None = None
+    not_named: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def judging(self) -> tuple[Gap, Gap]:

@@ -92,6 +92,7 @@ class Unnamed(JsonObject):
     where: str = says("how it shows, in words")
     p_value: Share = says("that chance alone makes it look this strong")
     nats: float = says("log-likelihood that a free form of this stage gains", default=0)
+    probability: Share | None = says("that it is there; null of a map that is not what its name says", default=None)
     picture: str = says("file beside the report that shows it")
 
 
@@ -214,7 +215,7 @@ class DiagnosisReport(JsonFile):
 
     Version 2 adds ``mode``, ``laboratory``, ``verification``, ``considered``, ``undetermined`` and ``notes``, version 3
     ``budget``, ``probability`` and ``class`` of every effect, the verdict ``undecided``, ``without_mask``,
-    ``calibration`` and ``imperfections``.
+    ``calibration``, ``imperfections``, ``not_named`` and ``probability`` of what is unnamed.
     """
 
     format: Literal["sci-diagnosis"]
@@ -239,6 +240,7 @@ class DiagnosisReport(JsonFile):
     unknown_scenes: UnknownScenes | None = None
     bad_captures: list[BadCapture] = []
     imperfections: list[NamedEffect] = says("errors of the laboratory, for which no camera is blamed", default=[])
+    not_named: dict[str, Share] = says("how probable effects are that were fitted beside the named ones", default={})
     budget: BudgetUsed | None = None
     seed: Count = says("of the randomised quantile residuals")
     sci_lightning: str = says("version of the program")

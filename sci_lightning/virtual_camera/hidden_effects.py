@@ -18,8 +18,8 @@ from sci_lightning.virtual_camera.random_numbers import stream
 from sci_lightning.virtual_camera.rays.ray_camera import build_camera
 from sci_lightning.virtual_camera.session import Acquisition, Session
 
-WEAK_GAIN = (30.0, 100.0)
-"""Gain in log-likelihood (nats) by the true model for which an effect is called weak."""
+GAINS = {"weak": (30.0, 100.0), "faint": (3.0, 30.0)}
+"""Gain in log-likelihood (nats) by the true model for which an effect is called weak, or so faint as to be doubtful."""
 
 MIN_READ_NOISE = 0.05
 """DN; a smaller read noise is taken as this one, so that no capture is infinitely unlikely."""
@@ -79,8 +79,8 @@ def log_likelihood_gains(
     return with_all - with_none, gains
 
 
-def make_weak(effect: Effect, session: Session, seed: int) -> Effect:
-    """Return the effect with its magnitudes reduced until knowing it gains 30 to 100 nats of log-likelihood.
+def make_weak(effect: Effect, session: Session, seed: int, gains: tuple[float, float]) -> Effect:
+    """Return the effect with its magnitudes reduced until knowing it gains so many nats of log-likelihood.
 
     Only the standard deviation of a Gaussian map counts as known. The gain grows about as the square of the magnitude,
     so that a few steps suffice. An effect without a magnitude to reduce (a pattern order, a bit depth) is returned as
@@ -91,7 +91,7 @@ def make_weak(effect: Effect, session: Session, seed: int) -> Effect:
     acquisition = session.acquisition(seed)
     ideal = build_camera(session, {}, seed)
     ideal_light = ideal.irradiance(acquisition)
-    low, high = WEAK_GAIN
+    low, high = gains
     goal = math.exp(stream(seed, "weak").uniform(math.log(low * 1.3), math.log(high / 1.3)))
     share = 1.0
     candidates: list[tuple[float, Effect]] = []
@@ -143,13 +143,14 @@ def choose_effects(
         session: the captures in which they are hidden; random effects are those that are visible in them.
         seed: of every random choice.
         number: how many effects, for ``random`` and ``outside``.
-        magnitude: how strong the drawn effects are: ``clear``, or ``weak`` (30 to 100 nats, see :func:`make_weak`).
+        magnitude: how strong the drawn effects are: ``clear``, ``weak`` (30 to 100 nats, see :func:`make_weak`) or
+            ``faint`` (3 to 30 nats).
 
     Raises:
         BadInput: an unknown effect, parameter or magnitude, or a value out of range.
     """
-    if magnitude not in ("clear", "weak"):
-        raise BadInput(f"magnitude must be clear or weak, got {magnitude!r}")
+    if magnitude != "clear" and magnitude not in GAINS:
+        raise BadInput(f"magnitude must be clear, {' or '.join(GAINS)}, got {magnitude!r}")
     effects: dict[str, Effect] = {}
     for name, values in _requested(request, session, seed, number):
         if name not in EFFECTS:
@@ -161,7 +162,7 @@ def choose_effects(
         else:
             drawn = EFFECTS[name].draw(stream(seed, f"draw {name}"), session)
             drawn.check(session)
-            effects[name] = make_weak(drawn, session, seed) if magnitude == "weak" else drawn
+            effects[name] = make_weak(drawn, session, seed, GAINS[magnitude]) if magnitude in GAINS else drawn
     return effects
 
 

@@ -182,7 +182,7 @@ class VirtualCamera:
         effects: what to hide: None, names, ``random``, ``outside``, or ``{name: {parameter: value}}``; see
             :func:`~sci_lightning.virtual_camera.hidden_effects.choose_effects`.
         number: how many effects, for ``random`` and ``outside``.
-        magnitude: how strong effects are whose parameters the seed draws: ``clear`` or ``weak``.
+        magnitude: how strong effects are whose parameters the seed draws: ``clear``, ``weak`` or ``faint``.
     """
 
     session: Session = field(default_factory=Session)

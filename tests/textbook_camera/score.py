@@ -26,6 +26,7 @@ from sci_lightning.files.json_file import says
 from sci_lightning.studies.engine.records import CaseRecord, FailedCase, Records, digest_of
 from sci_lightning.studies.engine.run_cases import run_cases
 from sci_lightning.studies.proving_ground.outcome import names_meant
+from sci_lightning.studies.proving_ground.reliability import Statement, statements
 from tests.measurements_file import MeasurementsFile, in_words
 from tests.textbook_camera.recording import save
 from tests.textbook_camera.suite import GROUPS, cases, record, seed_of
@@ -84,6 +85,7 @@ class TrialRecord(CaseRecord):
     verdict: Verdict
     named: list[NamedEffect]
     unnamed: list[Unnamed]
+    not_named: dict[str, float] = says("how probable other effects are", default={})
     not_tried: list[str]
     cpu_seconds: float
 
@@ -95,6 +97,12 @@ class TrialRecord(CaseRecord):
         """Return the named effect that is a hidden one, or one that it cannot be told from."""
         right = set(hidden["accepted"] or ())
         return next((effect for effect in self.named if right & names_meant(effect)), None)
+
+    @property
+    def statements(self) -> list[Statement]:
+        """What the diagnosis states with a probability, and whether it is true."""
+        true = {name for one in self.hidden for name in (*(one["accepted"] or ()), *one["tolerated"])}
+        return statements(self.named, self.not_named, true)
 
     @property
     def missed(self) -> list[str]:
@@ -144,6 +152,7 @@ def work(trial: Trial) -> dict[str, Any]:
         "verdict": report["verdict"],
         "named": report["laboratory"] + report["effects"],
         "unnamed": report["unnamed"],
+        "not_named": report["not_named"],
         "not_tried": report["budget"]["not_tried"],
         "cpu_seconds": time.process_time() - begun,
     }

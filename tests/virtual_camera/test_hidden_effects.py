@@ -63,6 +63,8 @@ def test_weak_effects_gain_30_to_100_nats(name: str) -> None:
     assert VirtualCamera(SESSION, name).simulate(4).truth().log_likelihood_gain > 1000
     gain = VirtualCamera(SESSION, name, magnitude="weak").simulate(4).truth().log_likelihood_gain
     assert (30 <= gain <= 100) if name != "prnu" else gain > 100  # of a map, most must be learned
+    if name == "mask_shift":
+        assert 3 <= VirtualCamera(SESSION, name, magnitude="faint").simulate(4).truth().log_likelihood_gain <= 30
 
 
 def test_weak_leaves_what_has_no_magnitude() -> None:
@@ -98,7 +100,7 @@ def test_wrong_numbers() -> None:
     for number in (0, 99, 1.5):
         with pytest.raises(BadInput, match="whole number from 1 to 35"):
             choose_effects("random", SESSION, 0, number=number)
-    with pytest.raises(BadInput, match="clear or weak"):
+    with pytest.raises(BadInput, match="clear, weak or faint"):
         choose_effects("gain", SESSION, 0, magnitude="huge")
     with pytest.raises(BadInput, match="square"):
         choose_effects({"mask_orientation": {"operation": "rot90"}}, Session(size=(16, 20)), 0)

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.settings import BitDepth, Name, StudySettings
-from sci_lightning.configuration.bounds import Frames, Repeats, Size
+from sci_lightning.configuration.bounds import Frames, Repeats, Seed, Size
 from sci_lightning.console import PlainConsole, styled
 
 if TYPE_CHECKING:  # --help answers without torch
@@ -21,7 +21,19 @@ if TYPE_CHECKING:  # --help answers without torch
     from sci_lightning.studies.proving_ground.case import Case
     from sci_lightning.studies.proving_ground.outcome import Outcome
 
-PLANNED = ("suites", "seeds", "cases", "effects", "size", "slots", "masks", "bit_depths", "datasheets", "formulations")
+PLANNED = (
+    "suites",
+    "seeds",
+    "first_round",
+    "cases",
+    "effects",
+    "size",
+    "slots",
+    "masks",
+    "bit_depths",
+    "datasheets",
+    "formulations",
+)
 """Keys of the configuration that :func:`~.plan.plan` takes."""
 PLACES = ("out", "workers", "threads", "job", "run", "debug")
 """Keys that say where and how cases are run, not which ones."""
@@ -33,6 +45,7 @@ class ProvingGroundSettings(StudySettings):
 
     suites: Sequence[Name]
     seeds: Repeats
+    first_round: Seed
     cases: Repeats | None
     effects: Any
     size: Size

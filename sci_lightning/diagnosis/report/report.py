@@ -103,6 +103,7 @@ def _of_known_scenes(result: CalibratedResult) -> dict[str, Any]:
                 "where": unnamed.where,
                 "p_value": unnamed.p_value,
                 "nats": unnamed.nats,
+                "probability": unnamed.probability,
                 "picture": f"unnamed_{number}.png",
             }
             for number, unnamed in enumerate(result.unnamed, start=1)
@@ -110,6 +111,7 @@ def _of_known_scenes(result: CalibratedResult) -> dict[str, Any]:
         "where": {when: [test.describe() for test in model.tests] for when, model in assessments.items()},
         "verification": VERIFIED_BY_NONE if result.verification is None else result.verification.describe(),
         "bad_captures": [capture.describe() for capture in result.bad_captures],
+        "not_named": dict(result.not_named),
         "imperfections": [error.describe() for error in result.imperfections],
         **({} if unknown is None else {"unknown_scenes": unknown.describe()}),
         "split": result.split.describe(),

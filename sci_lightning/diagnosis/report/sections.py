@@ -19,6 +19,7 @@ from sci_lightning.diagnosis.report.sentences import (
     further_notes,
     laboratory,
     nats_gained,
+    not_named,
     not_tried,
 )
 from sci_lightning.diagnosis.residual_tests import ResidualTest
@@ -53,6 +54,7 @@ def sections_of_known_scenes(result: CalibratedResult) -> dict[str, Any]:
         "notes": [
             *([] if result.unknown_scenes is None else [result.unknown_scenes.sentence()]),
             *([f"{laboratory(result)}."] if result.imperfections else []),
+            *([f"Not named, with their probabilities: {doubtful}."] if (doubtful := not_named(result)) else []),
             *([f"Not tried: {not_tried(result)}."] if result.budget.not_tried else []),
         ],
         "cards": _cards(result),

@@ -9,6 +9,7 @@ from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect
+from sci_lightning.diagnosis.search.probability import PRIOR_PROBABILITY
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.effects.parameter import Value
@@ -84,6 +85,12 @@ def laboratory(result: CalibratedResult) -> str:
 def percentage_of_size(estimate: Estimate) -> str:
     """Return a relative size in per cent, with one standard deviation."""
     return f"{quantity(100 * float(estimate.value), 100 * estimate.std)} %"
+
+
+def not_named(result: CalibratedResult) -> str:
+    """Say which effects are not named although they are not certainly absent, the most probable first; may be empty."""
+    doubtful = {name: one for name, one in result.not_named.items() if one >= PRIOR_PROBABILITY}
+    return ", ".join(f"{name} ({doubtful[name]:.2f})" for name in sorted(doubtful, key=lambda name: -doubtful[name]))
 
 
 def not_tried(result: CalibratedResult) -> str:

@@ -18,6 +18,7 @@ from sci_lightning.diagnosis.report.sentences import (
     further_notes,
     headline,
     laboratory,
+    not_named,
     not_tried,
     percentage,
     quantity,
@@ -102,6 +103,8 @@ def _print_captures(result: CalibratedResult, console: PlainConsole) -> None:
         console.say(f"on {count} that nothing has seen: {reached}; the verdict rests on this")
     if result.unknown_scenes is not None:
         console.say(result.unknown_scenes.sentence())
+    if doubtful := not_named(result):
+        console.say(styled("not named", "yellow"), f", with their probabilities: {doubtful}")
     if result.budget.not_tried:
         console.say(styled("not tried", "yellow"), f": {not_tried(result)}")
     for capture in result.bad_captures:

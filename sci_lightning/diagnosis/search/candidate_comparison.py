@@ -63,6 +63,11 @@ class CandidateComparison:
         probable = (n for n in reversed(ranked) if evidence_for(self.fits[n], n, without=self.best).log_odds > 0)
         return next(probable, None)
 
+    def probabilities(self) -> dict[str, float]:
+        """Return how probable each candidate is that gained anything, by name."""
+        gained = {name: fit for name, fit in self.fits.items() if fit.log_likelihood > self.best.log_likelihood}
+        return {name: evidence_for(fit, name, without=self.best).probability for name, fit in gained.items()}
+
     def with_others(self, refused: Collection[str]) -> CandidateComparison:
         """Return a comparison of the most promising ones among the candidates that have not been refused."""
         fits = fit_candidates(self.best, [candidate for candidate in self.screened if candidate.name not in refused])

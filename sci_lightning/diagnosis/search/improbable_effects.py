@@ -24,8 +24,9 @@ def without_improbable_effects(
     keep: Collection[str],
     unnamed: Sequence[Unnamed],
     on_progress: Callable[[str], None] = lambda message: None,
-) -> tuple[Fit, list[Unnamed]]:
-    """Return the model without the names that are improbable, and what has no name, quantified beside the others.
+) -> tuple[Fit, list[Unnamed], dict[str, float]]:
+    """Return the model without the names that are improbable, what has no name, quantified beside the others, and how
+    probable the names were that are withdrawn.
 
     Args:
         fit: the model that the search selected.
@@ -34,18 +35,18 @@ def without_improbable_effects(
         on_progress: called with a one-line message for every name that is withdrawn.
     """
     stay = {*keep, *(deviation.name for deviation in unnamed)}
-    rest, withdrawn = list(unnamed), False
+    rest, withdrawn = list(unnamed), dict[str, float]()
     while probabilities := name_probabilities(fit, stay, rest):
         name, least = min(probabilities.items(), key=lambda item: item[1])
         if least >= MIN_PROBABILITY:
             break
         on_progress(f"{name} is set aside: its probability is {least:.2g}")
-        fit, withdrawn = fit.without(name, iterations=20), True
+        fit, withdrawn[name] = fit.without(name, iterations=20), least
         rest = [quantified(fit, one) for one in rest]
     if not withdrawn:
-        return fit, rest
+        return fit, rest, withdrawn
     fit = prune(fit, keep)
-    return fit, [quantified(fit, one) for one in rest if one.name in fit.hypothesis.effects]
+    return fit, [quantified(fit, one) for one in rest if one.name in fit.hypothesis.effects], withdrawn
 
 
 def names_are_certain(fit: Fit, keep: Collection[str], unnamed: Sequence[Unnamed]) -> bool:

@@ -54,7 +54,12 @@ class Evidence:
     @property
     def probability(self) -> float:
         """Probability that the effect is there, if no other could be in its place."""
-        return 1 / (1 + math.exp(-max(min(self.log_odds, 700.0), -700.0)))
+        return probability_of(self.log_odds)
+
+
+def probability_of(log_odds: float) -> float:
+    """Return the probability that has such odds."""
+    return 1 / (1 + math.exp(-max(min(log_odds, 700.0), -700.0)))
 
 
 def evidence_for(fit: Fit, name: str, errors: ClusterErrors | None = None, without: Fit | None = None) -> Evidence:

@@ -23,7 +23,7 @@ from sci_lightning.diagnosis.fit.split import NO_BORDER
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.model.smooth_map import estimate_map
 from sci_lightning.diagnosis.search.map_test import map_p_value
-from sci_lightning.diagnosis.search.probability import evidence_for
+from sci_lightning.diagnosis.search.probability import evidence_for, probability_of
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.free_form import FreeForm
 
@@ -42,6 +42,7 @@ class Unnamed:
         p_value: probability of so large a gain by chance, corrected for the number of deviations that were tried.
         nats: gain in log-likelihood by the free-form deviation.
         picture: ``(H, W)`` RMS change of the signal by it, DN; NaN for pixels that do not count.
+        probability: that it is there, given the captures; None of a map that is not what its name says.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Unnamed:
     p_value: float
     nats: float
     picture: torch.Tensor
+    probability: float | None = None
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,7 @@ class FreeFormCandidate:
         p_value: probability of so large a gain by chance, corrected for the number of deviations that were tried.
         start: setting from which a fit should start.
         effect: its class.
+        log_odds: natural logarithm of the odds that it is there, once it has been fitted.
     """
 
     name: str
@@ -71,6 +74,7 @@ class FreeFormCandidate:
     p_value: float
     start: Setting
     effect: type[Effect]
+    log_odds: float = 0.0
 
     @property
     def where(self) -> str:
@@ -174,7 +178,7 @@ def best_free_form(
         if log_odds > largest:  # the smaller model may have gained by further iterations alone
             log_odds = evidence_for(larger, deviation.name).log_odds - deviation.choice_penalty
         if log_odds > largest:
-            best, largest = (smaller, deviation, larger), log_odds
+            best, largest = (smaller, replace(deviation, log_odds=log_odds), larger), log_odds
     return best
 
 
@@ -263,5 +267,6 @@ def quantified(fit: Fit, deviation: Unnamed) -> Unnamed:
 def _unnamed(fit: Fit, deviation: FreeFormCandidate, contradicted: Mapping[str, float]) -> Unnamed:
     p_value = min(deviation.p_value, contradicted.get(deviation.name, 1.0))
     nothing = torch.full(fit.fitter.model.observation.size, torch.nan)
-    one = Unnamed(deviation.name, deviation.effect.stage, deviation.where, p_value, 0.0, nothing)
+    probability = None if deviation.name in contradicted else probability_of(deviation.log_odds)
+    one = Unnamed(deviation.name, deviation.effect.stage, deviation.where, p_value, 0.0, nothing, probability)
     return quantified(fit, one)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -41,6 +41,7 @@ class Explanation:
         names: the named effects, noise that differs from the datasheet's among them.
         rounds: of the forward selection that led there.
         unnamed: deviations that no effect of the vocabulary explains.
+        not_named: how probable the other effects are that were looked at last, and those that were withdrawn, by name.
     """
 
     ideal: Fit
@@ -48,6 +49,7 @@ class Explanation:
     names: tuple[str, ...]
     rounds: tuple[Round, ...]
     unnamed: tuple[Unnamed, ...]
+    not_named: Mapping[str, float]
 
     def corrected(self, free_forms: bool) -> Fit:
         """Return the corrected camera, with the deviations that have no name if ``free_forms``."""
@@ -93,13 +95,15 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
     doubtful = unnamed or noise_that_differs(selected.fit) or not names_are_certain(selected.fit, keep, unnamed)
     if doubtful and whole.budget.allows("effects beside a deviation without a name"):
         selected = _with_a_free_form_first(selected, keep, on_progress) or selected
-    completed, left = complete(whole, selected.fit, keep, selected.unnamed, on_progress)
+    completed, left, withdrawn = complete(whole, selected.fit, keep, selected.unnamed, on_progress)
     settled = completed if completed is selected.fit else select_noise(completed)
     free_forms = {deviation.name for deviation in left}
     names = [name for name in settled.hypothesis.effects if name not in keep and name not in free_forms]
     ideal = settled.fitter.fit(noise, fixed=stated, iterations=30)
     effects = tuple(names if left else [*names, *noise_that_differs(settled)])
-    explanation = Explanation(ideal, settled, effects, tuple(selected.rounds), tuple(left))
+    looked_at = {**(selected.rounds[-1].probabilities if selected.rounds else {}), **withdrawn}
+    not_named = {name: probability for name, probability in looked_at.items() if name not in effects}
+    explanation = Explanation(ideal, settled, effects, tuple(selected.rounds), tuple(left), not_named)
     return _without_contradicted_maps(explanation, on_progress)
 
 
@@ -138,7 +142,7 @@ def _with_a_free_form_first(first: Selected, keep: Collection[str], on_progress:
 
 def complete(
     whole: Fitter, fit: Fit, keep: Collection[str], unnamed: Sequence[Unnamed], on_progress: OnProgress
-) -> tuple[Fit, Sequence[Unnamed]]:
+) -> tuple[Fit, Sequence[Unnamed], Mapping[str, float]]:
     """Take in every pixel that the selected model can predict, localise what only shows there, and drop spurious names.
 
     Where a name is withdrawn, what has no name is localised anew.
@@ -151,19 +155,20 @@ def complete(
         on_progress: called with a one-line message after every step.
 
     Returns:
-        the model and its deviations without a name; the same as before where nothing changes.
+        the model and its deviations without a name, the same as before where nothing changes, and how probable the
+        names were that are withdrawn.
     """
     wide = with_all_predictable(whole, fit)
     if wide is not fit:
         unnamed = [quantified(wide, one) for one in unnamed]
         if not unnamed and misfit_outside(wide, fit.fitter) > whole.settings.negligible_chi2:
             wide, unnamed = explain_remaining_misfit(wide, keep, (), on_progress)
-    certain, left = without_improbable_effects(wide, keep, unnamed, on_progress)
+    certain, left, withdrawn = without_improbable_effects(wide, keep, unnamed, on_progress)
     if certain is wide or any(deviation.name in whole.model.vocabulary for deviation in left):
-        return certain, left  # the map of a rejected effect is where nothing else would be localised
+        return certain, left, withdrawn  # the map of a rejected effect is where nothing else would be localised
     # what was localised beside names that are withdrawn may have another place without them
     named = without_unnamed(certain.hypothesis, left)
-    return explain_remaining_misfit(certain.fitter.fit(named, iterations=20), keep, (), on_progress)
+    return *explain_remaining_misfit(certain.fitter.fit(named, iterations=20), keep, (), on_progress), withdrawn
 
 
 def with_all_predictable(whole: Fitter, fit: Fit) -> Fit:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import torch
 
@@ -39,12 +39,14 @@ class Round:
         fitted: nats that the fitted candidates gained in a joint fit, by name: on all pixels, and on held-out ones.
         added: the candidate that was added; None when none was worth its parameters.
         provisional: whether it was added although held-out pixels did not confirm it, see :func:`select_effects`.
+        probabilities: of the candidates that were fitted, by name, where none was added.
     """
 
     screened: dict[str, float]
     fitted: dict[str, tuple[float, float]]
     added: str | None
     provisional: bool = False
+    probabilities: Mapping[str, float] = field(default_factory=dict)
 
 
 def select_effects(
@@ -97,7 +99,8 @@ def select_effects(
             added = comparison.unconfirmed(settings.provisional_nats)
         gains = comparison.gains()
         screened_gains = {candidate.name: candidate.gain for candidate in comparison.screened}
-        rounds.append(Round(screened_gains, gains, added, provisional and added is not None))
+        probabilities = comparison.probabilities() if added is None else {}
+        rounds.append(Round(screened_gains, gains, added, provisional and added is not None, probabilities))
         if added is None:
             break
         on_progress(f"{added}: {gains[added][0]:.0f} nats{', provisionally' if provisional else ''}")

@@ -10,6 +10,7 @@ from typing import Any
 from sci_lightning.runs.provenance import installed_version
 from sci_lightning.studies.engine.records import digest_of
 from sci_lightning.virtual_camera import Session
+from sci_lightning.virtual_camera.hidden_effects import GAINS
 
 _STATED: dict[str, Any] = {"datasheet": True, "datasheet_factor": 1.0}
 DATASHEETS: dict[str, dict[str, Any]] = {
@@ -63,8 +64,8 @@ class Case:
 
     @property
     def magnitude(self) -> str:
-        """How strong the hidden effects are: ``clear`` or ``weak``."""
-        return "weak" if self.suite == "weak" else "clear"
+        """How strong the hidden effects are: ``clear``, ``weak`` or ``faint``."""
+        return self.suite if self.suite in GAINS else "clear"
 
     @property
     def digest(self) -> str:

@@ -6,9 +6,19 @@ import math
 from typing import Literal
 
 from sci_lightning.diagnosis.search_settings import SearchSettings
-from sci_lightning.files.diagnosis_report import BlindGap, Gap, Gaps, NamedEffect, Unnamed, Verdict, Verification
+from sci_lightning.files.diagnosis_report import (
+    BlindGap,
+    Gap,
+    Gaps,
+    NamedEffect,
+    Share,
+    Unnamed,
+    Verdict,
+    Verification,
+)
 from sci_lightning.files.json_file import JsonObject, says
 from sci_lightning.studies.engine.records import CaseRecord
+from sci_lightning.studies.proving_ground.reliability import Statement, statements
 from sci_lightning.virtual_camera import EFFECTS
 from sci_lightning.virtual_camera.truth import HiddenEffect
 
@@ -60,6 +70,7 @@ class Outcome(CaseRecord):
     log_likelihood_gain: float = says("of all hidden effects together, nats", default=0)
     verdict: Verdict
     named: list[NamedEffect] = says("by the diagnosis, in the order of the light", alias="found")
+    not_named: dict[str, Share] = says("how probable other effects are", default={})
     unnamed: list[Unnamed] = says("deviations that no name explains")
     bad_captures: list[int] = says("that the diagnosis left out because they contradict the others", default=[])
     gap: Gaps
@@ -136,6 +147,11 @@ class Outcome(CaseRecord):
         """Names in the diagnosis of whose class no member is true, whatever its verdict and what it reports beside."""
         true_names = {*self.hidden_names, *self.also_true}
         return tuple(effect.name for effect in self.named if true_names.isdisjoint(names_meant(effect)))
+
+    @property
+    def statements(self) -> list[Statement]:
+        """What the diagnosis states with a probability, and whether it is true."""
+        return statements(self.named, self.not_named, {*self.hidden_names, *self.also_true})
 
     @property
     def confidently_wrong(self) -> bool:

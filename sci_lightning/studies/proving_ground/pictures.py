@@ -1,8 +1,8 @@
-"""The proving ground in four pictures: named instead of hidden effects, intervals, the gap, and time."""
+"""The proving ground in five pictures: named instead of hidden effects, intervals, probabilities, the gap, and time."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,8 @@ from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.studies.engine import FailedCase
 from sci_lightning.studies.proving_ground.outcome import LEFT_OUT, Outcome
-from sci_lightning.studies.proving_ground.summary import NORMAL, Proportion
+from sci_lightning.studies.proving_ground.proportion import NORMAL, Proportion
+from sci_lightning.studies.proving_ground.reliability import Statement, reliability
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 
 STAGES = ("modulator", "relay", "exposure", "optics", "sensor")
@@ -27,19 +28,23 @@ COLOURS = {
     "outside": "#b0488c",
     "fewer": "#7a4fa3",
     "later": "#2a9d9d",
+    "faint": "#a9a9a9",
 }
 BLUE = "#1f6fb2"
+MARKERS = ("o", "s", "^", "D")
+"""Of the series of one picture."""
 LARGEST_ERROR = 5.0
 """Standard deviations; larger errors are drawn here."""
 
 
 def write_pictures(out: str | Path, records: Iterable[Outcome | FailedCase]) -> list[Path]:
-    """Write ``confusion.png``, ``coverage.png``, ``gap.png`` and ``time.png``, those for which there are cases."""
+    """Write ``confusion``, ``coverage``, ``reliability``, ``gap`` and ``time`` as PNG, those that have cases."""
     outcomes = [record for record in records if isinstance(record, Outcome)]
     at_most_one = [outcome for outcome in outcomes if outcome.suite in ("single", "nothing", "outside")]
     pictures: dict[str, tuple[Callable[[Sequence[Outcome]], Figure], list[Outcome]]] = {
         "confusion": (confusion_figure, at_most_one),
         "coverage": (coverage_figure, [outcome for outcome in outcomes if outcome.errors]),
+        "reliability": (_reliability_figure, [outcome for outcome in outcomes if outcome.statements]),
         "gap": (gap_figure, outcomes),
         "time": (time_figure, outcomes),
     }
@@ -131,6 +136,46 @@ def coverage_figure(outcomes: Sequence[Outcome]) -> Figure:
     right.set(xlim=(0, 1.02), xlabel="share of intervals that hold the truth (green: the target)")
     right.set_title("by effect, with 95 % intervals", fontsize=11)
     return figure
+
+
+def reliability_figure(worlds: Mapping[str, Sequence[Statement]]) -> Figure:
+    """Draw the share of true names over the stated probability, a series for every world."""
+    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    axes = figure.subplots()
+    axes.plot((0, 1), (0, 1), color="#999999", linewidth=1, linestyle=":", label="as often as stated")
+    for number, (world, stated) in enumerate(worlds.items()):
+        rows, colour = reliability(stated), f"C{number}"
+        for row in rows:
+            axes.plot((row.stated, row.stated), row.true.interval, color=colour, alpha=0.35, linewidth=2)
+        shares = [row.true.share for row in rows]
+        marker = MARKERS[number % len(MARKERS)]
+        axes.plot(
+            [row.stated for row in rows], shares, marker, color=colour, label=f"{world} ({len(stated)} statements)"
+        )
+        for row in rows:
+            axes.annotate(
+                str(row.true.total),
+                (row.stated, row.true.share),
+                (6, -3),
+                textcoords="offset points",
+                fontsize=7,
+                color=colour,
+            )
+    axes.set(xlim=(-0.02, 1.05), ylim=(-0.02, 1.02), xlabel="stated probability of an effect")
+    axes.set_ylabel("share that is true, with 95 % intervals and numbers of statements")
+    axes.legend(frameon=False, loc="upper left")
+    return figure
+
+
+def _reliability_figure(outcomes: Sequence[Outcome]) -> Figure:
+    """How many of the effects that are stated with some probability are there, in either formulation."""
+    formulations = dict.fromkeys(outcome.formulation for outcome in outcomes)
+    return reliability_figure(
+        {
+            one: [s for outcome in outcomes if outcome.formulation == one for s in outcome.statements]
+            for one in formulations
+        }
+    )
 
 
 def gap_figure(outcomes: Sequence[Outcome]) -> Figure:

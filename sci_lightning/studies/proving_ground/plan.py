@@ -12,9 +12,10 @@ import numpy as np
 from sci_lightning.errors import BadInput
 from sci_lightning.studies.proving_ground.case import DATASHEETS, Case
 from sci_lightning.virtual_camera import DRAWN, EFFECTS, LATER, OUTSIDE, Session
+from sci_lightning.virtual_camera.hidden_effects import GAINS
 from sci_lightning.virtual_camera.random_numbers import stream
 
-SUITES = ("single", "weak", "pair", "triple", "nothing", "outside", "fewer", "later")
+SUITES = ("single", "weak", "pair", "triple", "nothing", "outside", "fewer", "later", "faint")
 CASES_OF_NOTHING = 12
 """Number of cases in every repetition in which nothing is hidden."""
 CAPTURES: dict[str, dict[str, int]] = {
@@ -30,6 +31,7 @@ def plan(
     suites: Sequence[str] = SUITES,
     seeds: int = 1,
     *,
+    first_round: int = 0,
     cases: int | None = None,
     effects: Sequence[str] | None = None,
     size: Sequence[int] = (64, 64),
@@ -41,16 +43,17 @@ def plan(
 ) -> list[Case]:
     """Return all cases, in an order that depends on nothing but the arguments.
 
-    In every repetition, each effect of the vocabulary is hidden once alone (``single``, ``weak``, and ``fewer``, which
-    leaves out one of several sorts of captures in turn), once in a pair and once in a triple. Effects that the
-    vocabulary got later are hidden once alone in a suite of their own (``later``), so that the others' cases stay what
-    they were. Each effect outside the vocabulary is hidden once (``outside``), and twelve times nothing is. Masks and
-    bit depths take turns. With several numbers of slots, datasheets or formulations, the cameras of all combinations
-    do, in a random order.
+    In every repetition, each effect of the vocabulary is hidden once alone (``single``, ``weak``, ``faint``, and
+    ``fewer``, which leaves out one of several sorts of captures in turn), once in a pair and once in a triple. Effects
+    that the vocabulary got later are hidden once alone in a suite of their own (``later``), so that the others' cases
+    stay what they were. Each effect outside the vocabulary is hidden once (``outside``), and twelve times nothing is.
+    Masks and bit depths take turns. With several numbers of slots, datasheets or formulations, the cameras of all
+    combinations do, in a random order.
 
     Args:
         suites: some of ``SUITES``.
         seeds: number of repetitions, each with other random numbers.
+        first_round: number of the first repetition, from 0.
         cases: largest number of cases of each suite and repetition; None for all.
         effects: names to which the suites are restricted; None for all.
         size: (H, W) in pixels.
@@ -75,9 +78,13 @@ def plan(
     lists |= {} if effects is None else {"effects": effects}
     if empty := [key for key, entries in lists.items() if not entries]:
         raise BadInput(f"{empty[0]} must have at least one entry")
-    for key, number in (("seeds", seeds), ("cases", 1 if cases is None else cases)):
-        if isinstance(number, bool) or not isinstance(number, int) or number < 1:
-            raise BadInput(f"{key} must be a whole number of 1 or more, got {number!r}")
+    for key, number, least in (
+        ("seeds", seeds, 1),
+        ("cases", 1 if cases is None else cases, 1),
+        ("first_round", first_round, 0),
+    ):
+        if isinstance(number, bool) or not isinstance(number, int) or number < least:
+            raise BadInput(f"{key} must be a whole number of {least} or more, got {number!r}")
     cameras = [
         Session(
             size=(size[0], size[1]),
@@ -94,7 +101,7 @@ def plan(
     return [
         case
         for suite in suites
-        for repetition in range(seeds)
+        for repetition in range(first_round, first_round + seeds)
         for case in _cases_of_repetition(suite, repetition, cameras, several, allowed)[:cases]
     ]
 
@@ -117,7 +124,7 @@ def _cases_of_repetition(
         cameras = [cameras[number] for number in order]
     random = stream(repetition, f"proving ground: {suite}")
     names = [name for name in {"outside": OUTSIDE, "later": LATER}.get(suite, DRAWN) if name in allowed]
-    if suite == "weak":
+    if suite in GAINS:
         names = [name for name in names if _has_magnitude(name)]
     capture_sets = [name for name in CAPTURES if name != "full"] if suite == "fewer" else ["full"]
     cases = []

@@ -10,6 +10,8 @@ from statistics import median
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.studies.engine import FailedCase
 from sci_lightning.studies.proving_ground.outcome import Outcome
+from sci_lightning.studies.proving_ground.proportion import NORMAL, Proportion
+from sci_lightning.studies.proving_ground.reliability import reliability
 
 EXACT_SUITES = (
     ("single", "single effect, clear: its name and no other, explained", 0.98),
@@ -84,6 +86,7 @@ def summarise(records: Iterable[Outcome | FailedCase]) -> list[SuiteScore]:
         ),
         wrong_names("fewer captures: any wrong name", fewer, 0.0),
         *certain_names(every),
+        *reliable_names(every),
         interval_coverage([*named, *fewer]),
         at_least(
             f"right names: chi2 on verification captures at most {SearchSettings.negligible_chi2}",
@@ -242,6 +245,19 @@ def certain_names(outcomes: Sequence[Outcome]) -> list[SuiteScore]:
     return [row] if stated else []  # records of earlier versions state none
 
 
+def reliable_names(outcomes: Sequence[Outcome]) -> list[SuiteScore]:
+    """How many of the effects that are stated with some probability are there, a row for every range."""
+    stated = [one for outcome in outcomes for one in outcome.statements]
+    return [
+        SuiteScore(
+            f"stated with a probability of {row.low:g} to {row.high:g}, {row.stated:.3f} on average: true",
+            in_words(row.true),
+            proportion=row.true,
+        )
+        for row in reliability(stated)
+    ]
+
+
 def in_words(proportion: Proportion) -> str:
     """Return the share in per cent with its counts and its interval."""
     low, high = proportion.interval
@@ -304,36 +320,3 @@ def memory(outcomes: Sequence[Outcome]) -> SuiteScore:
     return SuiteScore(
         "memory", f"at most {most:.0f} MiB", f"below {MEMORY:.0f} MiB", most < MEMORY if outcomes else None
     )
-
-
-NORMAL = 1.959964
-"""Half the width of the interval that contains 95 % of a normal distribution, in standard deviations."""
-
-
-@dataclass(frozen=True)
-class Proportion:
-    """``count`` of ``total`` cases."""
-
-    count: int
-    total: int
-
-    @classmethod
-    def of(cls, answers: Iterable[bool]) -> Proportion:
-        """Count the answers that are true."""
-        listed = list(answers)
-        return cls(sum(listed), len(listed))
-
-    @property
-    def share(self) -> float:
-        """``count / total``, 0 to 1; NaN without cases."""
-        return self.count / self.total if self.total else math.nan
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % confidence interval of the probability by Wilson's score (JASA 22, 1927); (0, 1) without cases."""
-        if not self.total:
-            return 0.0, 1.0
-        z, n = NORMAL, self.total
-        middle = (self.share + z**2 / (2 * n)) / (1 + z**2 / n)
-        half = z / (1 + z**2 / n) * math.sqrt(self.share * (1 - self.share) / n + z**2 / (4 * n**2))
-        return max(middle - half, 0.0), min(middle + half, 1.0)

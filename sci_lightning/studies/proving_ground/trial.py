@@ -50,6 +50,7 @@ def run_trial(case: Case) -> dict[str, Any]:
         "log_likelihood_gain": truth["log_likelihood_gain"],
         "verdict": report["verdict"],
         "found": report["laboratory"] + report["effects"],
+        "not_named": report["not_named"],
         "unnamed": report["unnamed"],
         "bad_captures": [bad["capture"] for bad in report.get("bad_captures", [])],
         "gap": report["gap"],

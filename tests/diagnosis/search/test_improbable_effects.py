@@ -34,8 +34,9 @@ def test_levels_of_light_and_captures_agree_about_a_right_name(
     probability = evidence_for(fit, name).probability
     assert probability > 0.95 if stays else probability < 0.5
     messages: list[str] = []
-    remaining, unnamed = without_improbable_effects(fit, NOISE.effects, [], messages.append)
+    remaining, unnamed, withdrawn = without_improbable_effects(fit, NOISE.effects, [], messages.append)
     assert (name in remaining.hypothesis.effects) == stays and unnamed == []
+    assert list(withdrawn) == ([] if stays else [name]) and all(one < 0.5 for one in withdrawn.values())
     assert [message.partition(":")[0] for message in messages] == ([] if stays else [f"{name} is set aside"])
 
 
@@ -64,10 +65,10 @@ def test_what_shows_only_outside_is_localised_and_quantified_once(tmp_path: Path
     fit = narrow.fit(NOISE)
     wide = with_all_predictable(whole, fit)
     assert wide.fitter is whole and misfit_outside(wide, narrow) > 2
-    completed, unnamed = complete(whole, fit, NOISE.effects, [], lambda message: None)
+    completed, unnamed, _ = complete(whole, fit, NOISE.effects, [], lambda message: None)
     assert completed.fitter.split.border == whole.split.border and [one.stage for one in unnamed] == ["sensor"]
     assert not unnamed[0].picture.isnan().any() and unnamed[0].nats > 1000
-    unchanged, still = complete(whole, completed, NOISE.effects, unnamed, lambda message: None)
+    unchanged, still, _ = complete(whole, completed, NOISE.effects, unnamed, lambda message: None)
     assert unchanged is completed and still == unnamed
 
 

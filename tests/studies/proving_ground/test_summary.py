@@ -14,8 +14,9 @@ from skimage.io import imread
 from sci_lightning.studies.engine import FailedCase
 from sci_lightning.studies.proving_ground.outcome import Outcome
 from sci_lightning.studies.proving_ground.pictures import write_pictures
+from sci_lightning.studies.proving_ground.proportion import Proportion
 from sci_lightning.studies.proving_ground.report import write_report
-from sci_lightning.studies.proving_ground.summary import Proportion, SuiteScore, summarise
+from sci_lightning.studies.proving_ground.summary import SuiteScore, summarise
 from tests.files.formats import check
 from tests.studies.proving_ground.conftest import lost
 
