@@ -37,6 +37,9 @@ if TYPE_CHECKING:  # a diagnosis without pictures does not load matplotlib
     from matplotlib.figure import Figure
 
 
+MAX_RESIDUAL_P_VALUE = 1e-4
+"""Corrected p-value of a residual test below which something is left while the noise is the datasheet's; one tenth of
+``SearchSettings.significance``, because formulas are not exact."""
 FORMULA_NATS_SHARE = 2e-4
 """Part of the log-likelihood gained by the corrected camera that its formulas may be wrong by."""
 
@@ -148,10 +151,9 @@ def remaining_tests(before: Assessment, after: Assessment, names: list[str]) -> 
     The formulas of strong effects are a little inexact, and the errors of a laboratory are described coarsely. A test
     about mean or variance therefore has to find more than a part of the log-likelihood that the corrected camera gains,
     and more than the errors of the laboratory gain. If no noise was named, the p-value has to be below
-    ``max_residual_p_value``. If some was, ``significance`` is enough: noise explains variance only, so that it stands
+    ``MAX_RESIDUAL_P_VALUE``. If some was, ``significance`` is enough: noise explains variance only, so that it stands
     in for something else as long as the residuals are not random.
     """
-    settings = after.fit.fitter.settings
     inexact = FORMULA_NATS_SHARE * after.fit.explained_nats(before.fit)
     inexact += sum(max(one.evidence, 0.0) for one in after.fit.maps.values() if one.of_captures)
     noise = any(after.fit.fitter.model.effects[name].noise for name in names)
@@ -159,6 +161,6 @@ def remaining_tests(before: Assessment, after: Assessment, names: list[str]) -> 
         test
         for test in after.tests
         if test.significant
-        and (noise or test.corrected < settings.max_residual_p_value)
+        and (noise or test.corrected < MAX_RESIDUAL_P_VALUE)
         and (test.about in ("map", "converter") or test.nats > inexact)
     )

@@ -34,8 +34,8 @@ from tests.files.formats import check
         *(("seed", value) for value in (-1, 2**63, 1e30, "abc")),
         *(("free_forms", value) for value in (7, "yes")),
         *(("candidates", value) for value in (5, ["a"], "a", {"a": 5}, {"a": ""})),
-        *(("search", value) for value in (5, {"min_gain_nats": -1}, {"probes_fitted": 0}, {"max_map_p_value": 2.0})),
-        *(("search", value) for value in ({"significance": True}, {"mistyped": 1}, {"held_out_block": 1.5})),
+        *(("search", value) for value in (5, {"min_gain_nats": -1}, {"candidates_fitted": 0}, {"significance": 2.0})),
+        *(("search", value) for value in ({"significance": True}, {"mistyped": 1}, {"rivals_fitted": 1.5})),
         *(("captures", value) for value in ("", ["a.h5"], {"a": 1}, True)),
     ],
 )

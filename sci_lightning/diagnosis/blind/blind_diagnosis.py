@@ -215,7 +215,7 @@ def diagnose_blind(
         )
     noise, stated = datasheet_noise(observation)
     nuisance = CALIBRATION if is_measured(observation) else {}
-    fitter = BlindFitter(likelihood, settings.min_progress_nats)
+    fitter = BlindFitter(likelihood)
     explanation = BlindSearch(fitter, noise, settings, on_progress, nuisance).run()
     fit, names = explanation.fit, [one.name for one in explanation.named]
     prediction = predicted = None

@@ -11,11 +11,11 @@ from scipy.stats import t as student
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK
+from sci_lightning.diagnosis.fit.budget import MIN_PROGRESS_NATS
 from sci_lightning.diagnosis.fit.information_criterion import bic_penalty
 from sci_lightning.diagnosis.fit.levenberg_marquardt import maximise
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
-from sci_lightning.diagnosis.search_settings import SearchSettings
 
 DIFFERENCE_STEP = 0.5
 """Part of a parameter's step over which the likelihood is differentiated."""
@@ -83,13 +83,10 @@ class BlindFitter:
 
     Args:
         likelihood: of a hypothesis.
-        min_progress_nats: gain below which a fit has converged, see :class:`.SearchSettings`.
     """
 
-    def __init__(
-        self, likelihood: BlindLikelihood, min_progress_nats: float = SearchSettings.min_progress_nats
-    ) -> None:
-        self.likelihood, self.min_progress_nats = likelihood, min_progress_nats
+    def __init__(self, likelihood: BlindLikelihood) -> None:
+        self.likelihood = likelihood
         self.model = likelihood.model
         self._fixed = tuple((name, parameter) for name, (parameter, _) in NOISE_GUESS.items())
 
@@ -122,14 +119,14 @@ class BlindFitter:
             alone: the effect whose parameters alone are fitted; None: those of all effects.
             errors: whether the covariance of the parameters' errors is estimated, which takes as long as an iteration.
             rough: whether a part of the blocks is enough for how the errors depend on each other.
-            enough: nats below which an iteration that gains no more is the last one; None: ``min_progress_nats``.
+            enough: nats below which an iteration that gains no more is the last one; None: ``MIN_PROGRESS_NATS``.
             ahead: ``(blocks, N)`` log-likelihood of what the fit competes with. An iteration that gains less than
                 :data:`CATCH_UP_SHARE` of what lacks to it is the last one. None: there is nothing.
         """
         others = () if alone is None else [name for name in hypothesis.effects if name != alone]
         constant = tuple((name, parameter) for name in others for parameter in hypothesis.effects[name])
         free = FreeParameters.of(self.model, hypothesis, (*self._fixed, *constant))
-        enough = self.min_progress_nats if enough is None else enough
+        enough = MIN_PROGRESS_NATS if enough is None else enough
         best = self.evaluate(hypothesis, blocks)
         covariance = torch.zeros(len(free), len(free), dtype=torch.float64)
         if not len(free):

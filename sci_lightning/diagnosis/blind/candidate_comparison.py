@@ -211,7 +211,7 @@ class CandidateAssessor:
         model, likelihood = self.fitter.model, self.fitter.likelihood
         slower = {name: slower_scenes(effect) for name, effect in model.vocabulary.items() if name in SHOWN_IF_STRONG}
         model = CameraModel(model.observation, model.vocabulary | slower, model.free_forms)
-        return BlindFitter(BlindLikelihood(model, likelihood.prior), self.fitter.min_progress_nats)
+        return BlindFitter(BlindLikelihood(model, likelihood.prior))
 
     def nats(self, fit: BlindFit, name: str, comparison: LikelihoodComparison) -> float:
         """Return the calibrated nats that an effect of a fit gains: no more than as snapshots agree about it."""

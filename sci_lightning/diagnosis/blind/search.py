@@ -144,7 +144,7 @@ class BlindSearch:
         """Go on with the components of the prior that these scenes are made of by a model; return the model anew."""
         every = self._every_scene
         prior = every.prior.of_these_scenes(every.evaluate(best.hypothesis, self.screener.blocks).weights)
-        self._use(BlindFitter(every.with_prior(prior), self.settings.min_progress_nats))
+        self._use(BlindFitter(every.with_prior(prior)))
         again = self.fitter.evaluate(best.hypothesis, best.blocks)
         return replace(again, free=best.free, covariance=best.covariance)
 

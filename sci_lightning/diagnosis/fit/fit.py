@@ -13,7 +13,7 @@ from functools import cached_property, partial
 
 import torch
 
-from sci_lightning.diagnosis.fit.budget import Budget
+from sci_lightning.diagnosis.fit.budget import MIN_PROGRESS_NATS, Budget
 from sci_lightning.diagnosis.fit.derivatives import Derivatives, differentiate
 from sci_lightning.diagnosis.fit.levenberg_marquardt import maximise
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
@@ -30,6 +30,9 @@ from sci_lightning.diagnosis.model.smooth_map import estimate_map
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.border import Border
 
+COARSE_PIXELS = 60_000
+"""Pixels on which fits begin and strong candidates are screened if the captures have more than four times as many;
+enough that no parameter is undetermined."""
 ATTEMPTS = 6
 """Steps that are tried in an iteration, each with more damping than the one before."""
 MAX_PROMISED_RATIO = 20.0
@@ -166,10 +169,10 @@ class Fitter:
     def coarse(self) -> Fitter | None:
         """A fitter of the same model that compares every second capture, and of these some rows and columns.
 
-        It has at most ``SearchSettings.coarse_pixels`` pixels to fit. None where there are less than four times as many
+        It has at most ``COARSE_PIXELS`` pixels to fit. None where there are less than four times as many
         anyway.
         """
-        surplus = float(self.fitted.sum()) / self.settings.coarse_pixels
+        surplus = float(self.fitted.sum()) / COARSE_PIXELS
         if surplus < 4:
             return None
         observation, split = self.model.observation, self.split
@@ -242,7 +245,7 @@ class Fitter:
         Every iteration approximates the objective by a quadratic function of parameters and map values and takes the
         step to its maximum. A step that would lower the objective is repeated with more damping of the parameters
         (Levenberg and Marquardt) and a shorter step of the maps. The fit ends when an iteration gains less than
-        ``SearchSettings.min_progress_nats``. The information and the maps that it returns are those at the start of the
+        ``MIN_PROGRESS_NATS``. The information and the maps that it returns are those at the start of the
         last iteration, which lies within that gain of its end.
 
         Args:
@@ -270,7 +273,7 @@ class Fitter:
             promised = derivatives.promised() if lacking > 0 else 0.0
             return derivatives.objective + MAX_PROMISED_RATIO * promised < to_reach and self.covers(at.hypothesis)
 
-        enough = self.settings.min_progress_nats
+        enough = MIN_PROGRESS_NATS
         start, differentiated = self.evaluate(hypothesis), partial(self.differentiate, free=free)
         end, last = maximise(start, differentiated, step, lambda _: enough, iterations, ATTEMPTS, hopeless)
         objective = last.objective if end.objective is None else end.objective

@@ -7,6 +7,10 @@ from collections.abc import Collection
 
 from sci_lightning.diagnosis.fit.fit import Fit
 
+ABANDON_NATS = 60.0
+"""Nats by which a fit may stay behind another one for good before it is abandoned; well above what the criterion's
+penalty for parameters and held-out pixels make up for."""
+
 
 def bic(fit: Fit) -> float:
     """Return log-likelihood minus half of ln(n) for each parameter, in nats: -1/2 times Schwarz's criterion.
@@ -44,7 +48,7 @@ def prune(fit: Fit, keep: Collection[str], margin: float = 0.0) -> Fit:
     """
     fitter = fit.fitter
     for name in [name for name in fit.hypothesis.effects if name not in keep]:
-        to_reach = fit.fitted_log_likelihood - margin - fitter.settings.abandon_nats
+        to_reach = fit.fitted_log_likelihood - margin - ABANDON_NATS
         without = fitter.fit(fit.hypothesis.without(name), to_reach=to_reach, from_afar=True)
         if not without.abandoned and bic_gain(without, fit) <= margin:
             fit = without

@@ -18,6 +18,9 @@ from sci_lightning.encoder.border import Border
 from sci_lightning.errors import BadInput
 
 NO_BORDER = Border()
+HELD_OUT_BLOCK = 16
+"""Side in pixels of the square blocks that are held out, wide enough that blurs and maps fitted around a block say
+little about its middle."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class Split:
     assigned: torch.Tensor
     held_out_captures: tuple[int, ...]
     held_out_capture: torch.Tensor
-    block: int = SearchSettings.held_out_block
+    block: int = HELD_OUT_BLOCK
     one_in: int = SearchSettings.held_out_one_in
     border: Border = NO_BORDER
 
@@ -130,7 +133,7 @@ def split(observation: Observation, settings: SearchSettings | None = None) -> S
         BadInput: no pixel is left to be fitted.
     """
     settings = settings or SearchSettings()
-    kinds, block, one_in = observation.kinds, settings.held_out_block, settings.held_out_one_in
+    kinds, block, one_in = observation.kinds, HELD_OUT_BLOCK, settings.held_out_one_in
     held_out = torch.zeros(len(kinds), dtype=torch.bool)
     for kind in sorted(set(kinds)):
         members = [n for n, other in enumerate(kinds) if other == kind]

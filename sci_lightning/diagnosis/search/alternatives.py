@@ -20,6 +20,11 @@ TEXTURE_SEED = 0
 """Seed of the textures."""
 STRONG_LIGHT_FACTOR = 16.0
 """Light of captures whose pixels are nominally dark, relative to the nominal light, so that a small leak shows."""
+NEEDED_NATS = 15.0
+"""Nats that further captures must bring on average, so that they bring 6 in 19 of 20 cases: the log-likelihood ratio of
+two Gaussian predictions that are d nats apart has mean d and variance 2 d, and d - 1.645 sqrt(2 d) = 6."""
+MAX_FURTHER_CAPTURES = 50
+"""Captures of one kind that somebody may reasonably be asked to record."""
 MAX_SHOWN_NATS = 1000
 """Nats beyond which the text says "more than": the exact number means nothing there."""
 
@@ -109,9 +114,8 @@ def tell_apart(one: Fit, rival: Fit) -> str:
     capture may fix the size of an effect, and another one show its nature.
     """
     names = _names(one.hypothesis, rival.hypothesis)
-    settings = one.fitter.settings
-    most = settings.max_further_captures
-    needed = settings.needed_nats + max(0.0, rival.log_likelihood - one.log_likelihood)
+    most = MAX_FURTHER_CAPTURES
+    needed = NEEDED_NATS + max(0.0, rival.log_likelihood - one.log_likelihood)
     further = further_captures(one.fitter.model.observation)
     kinds = {kind: separate(observation, one, rival) for kind, observation in further.items()}
     pairs = {f"{a}, and as many of {b}": kinds[a] + kinds[b] for a, b in combinations(kinds, 2)}

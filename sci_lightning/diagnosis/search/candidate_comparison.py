@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, bic_penalty
+from sci_lightning.diagnosis.fit.information_criterion import ABANDON_NATS, bic, bic_gain, bic_penalty
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.search.probability import evidence_for
 from sci_lightning.diagnosis.search.screening import Candidate, screen
@@ -20,6 +20,12 @@ from sci_lightning.encoder.effects.parameter import part_of
 
 MIN_LOST_SHARE = 0.1
 """Part of the pixels whose loss is worth a second look, for weak effects, which need narrower borders."""
+SCREENED_SHARE = 0.33
+"""Part of the nats that an effect must gain which screening must promise for a joint fit to be made; screening finds at
+least half of what a fit gains, even between two starts of a flicker."""
+BORDER_GAIN_SHARE = 0.5
+"""Part of the best candidate's gain from which a candidate's border is respected; a hypothesis that needs the surround
+gains too little while its border is too narrow."""
 
 
 @dataclass(frozen=True)
@@ -162,10 +168,10 @@ def fit_candidates(best: Fit, screened: list[Candidate]) -> dict[str, Fit]:
     first, others = screened[: settings.candidates_fitted], screened[settings.candidates_fitted :]
     for candidate in (*first, *(one for one in others if fitter.model.effects[one.name].is_discrete())):
         price = settings.min_gain_nats + bic_penalty(len(candidate.start), fitter.pixels)
-        promising = candidate.gain > max(settings.min_gain_nats, settings.screened_share * price)
+        promising = candidate.gain > max(settings.min_gain_nats, SCREENED_SHARE * price)
         if promising and (not fits or fitter.budget.allows(candidate.name)):
             start = candidate.added(fitter.model, best.hypothesis)
-            fit = fitter.fit(start, 20, to_reach=reached - settings.abandon_nats, from_afar=True)
+            fit = fitter.fit(start, 20, to_reach=reached - ABANDON_NATS, from_afar=True)
             if not fit.abandoned:
                 fits[candidate.name] = fit
                 reached = max(reached, fit.fitted_log_likelihood)
@@ -175,13 +181,13 @@ def fit_candidates(best: Fit, screened: list[Candidate]) -> dict[str, Fit]:
 def _with_common_border(base: Fit, fits: dict[str, Fit]) -> tuple[Fit, dict[str, Fit]]:
     """Return the fits of a round on the pixels that depend on the surround for none of them.
 
-    Only fits that gain at least ``SearchSettings.border_gain_share`` of what the best one gains are respected; the
+    Only fits that gain at least ``BORDER_GAIN_SHARE`` of what the best one gains are respected; the
     others may have run away, and the field would be left out for nothing. Fits that are repeated on fewer pixels may
     need a wider border themselves, so that this is done until none does.
     """
     while fits:
         gains = {name: fit.log_likelihood - base.log_likelihood for name, fit in fits.items()}
-        least = base.fitter.settings.border_gain_share * max(gains.values())
+        least = BORDER_GAIN_SHARE * max(gains.values())
         respected = [fit.hypothesis for name, fit in fits.items() if gains[name] >= least]
         wider = base.fitter.covering(base.hypothesis, *respected)
         if wider is base.fitter:

@@ -12,6 +12,7 @@ from collections.abc import Iterable
 import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit
+from sci_lightning.diagnosis.fit.information_criterion import ABANDON_NATS
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.encoder.effects.parameter import within
 from sci_lightning.encoder.effects.stage import RelayEffect
@@ -76,7 +77,7 @@ def far_displacements(base: Fit) -> dict[str, list[Setting]]:
     across = torch.fft.fftfreq(size[1], 1 / size[1])[None]
     farthest = [math.floor(settings.border_share * length) for length in observation.size]
     possible = (down.abs() <= farthest[0]) & (across.abs() <= farthest[1]) & (down.hypot(across) > MIN_FAR_PIXELS)
-    clear = possible & (nats > MIN_EXPLAINED_SHARE * all_nats) & (nats > settings.abandon_nats)
+    clear = possible & (nats > MIN_EXPLAINED_SHARE * all_nats) & (nats > ABANDON_NATS)
     places = torch.where(clear, nats, -torch.inf).flatten().topk(PROPOSED_DISPLACEMENTS).indices.tolist()
     peaks = [divmod(place, size[1]) for place in places if clear.flatten()[place]]
     whole = ((float(across[0, column]), float(down[row, 0])) for row, column in peaks)

@@ -29,6 +29,16 @@ from sci_lightning.encoder.free_form import FreeForm
 
 FIRST_FREE_FORM_SHARE = 0.85
 """Part of the budget after which nothing without a name is looked for; residual tests still say that it is there."""
+PROBE_MIN_SIGMA = 3.5
+"""Standard deviations from 0 from which a free form keeps one of its numbers; of 250 numbers chance keeps 0.1."""
+PROBE_MAX_NUMBERS = 24
+"""Numbers that a free form keeps, the clearest; it bounds the run time."""
+PROBE_MAX_DERIVATIVES = 250_000_000
+"""Derivatives held in memory at once, 4 bytes each; larger free forms are left out."""
+PROBES_FITTED = 3
+"""Free forms per round that are fitted jointly after screening, as ``SearchSettings.candidates_fitted``."""
+MAX_MAP_P_VALUE = 1e-4
+"""p-value below which an estimated map contradicts the definition of its effect (independent Gaussian values)."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +155,7 @@ def contradicted_maps(fit: Fit) -> dict[str, float]:
     p_values = {
         name: map_p_value(one, map_dispersion(fit, one)[0]) for name, one in fit.maps.items() if not one.of_captures
     }
-    return {name: p_value for name, p_value in p_values.items() if p_value < fit.fitter.settings.max_map_p_value}
+    return {name: p_value for name, p_value in p_values.items() if p_value < MAX_MAP_P_VALUE}
 
 
 def best_free_form(
@@ -167,7 +177,7 @@ def best_free_form(
     promising = [one for one in screened if one.bic_gain(pixels) > 0]
     best: tuple[Fit, FreeFormCandidate | None, Fit] = (fit, None, fit)
     largest = 0.0
-    for deviation in promising[: fitter.settings.probes_fitted]:
+    for deviation in promising[:PROBES_FITTED]:
         if not fitter.budget.allows(deviation.where, share=FIRST_FREE_FORM_SHARE if best[1] is None else SEARCH_SHARE):
             break
         start = deviation.added(fitter, fit.hypothesis)
@@ -218,18 +228,18 @@ def screen_free_forms(base: Fit, maps: Mapping[str, type[Effect]], only_maps: bo
 
 def _screen_numbers(effect: type[FreeForm], local: LocalGain) -> FreeFormCandidate | None:
     """Estimate the gain of a deviation with the numbers that differ clearly from 0; None if there are none."""
-    fitter, at, settings, count = local.fitter, local.at, local.fitter.settings, effect.count
-    if not 0 < count * fitter.fitted.numel() <= settings.probe_max_derivatives:
+    fitter, at, count = local.fitter, local.at, effect.count
+    if not 0 < count * fitter.fitted.numel() <= PROBE_MAX_DERIVATIVES:
         return None
     hypothesis = at.hypothesis.with_effect(effect.name, dict.fromkeys(effect.about, 0.0))
     numbers = FreeParameters(fitter.model, tuple((effect.name, number) for number in effect.about))
     gain = local.joint_gain(numbers.jacobian(hypothesis, at.prediction))
     sigmas = (gain.factors.abs() / gain.deviations).nan_to_num()
     determined = int((gain.deviations.isfinite()).sum())
-    clear = (sigmas > settings.probe_min_sigma).nonzero()[:, 0]
+    clear = (sigmas > PROBE_MIN_SIGMA).nonzero()[:, 0]
     if not len(clear):
         return None
-    most = min(len(clear), settings.probe_max_numbers)
+    most = min(len(clear), PROBE_MAX_NUMBERS)
     kept = sigmas.argsort(descending=True)[:most].sort().values
     p_value = float(chi2.sf(2 * max(gain.nats, 0.0), max(determined, 1)))
     kept_gain = gain.of(kept)

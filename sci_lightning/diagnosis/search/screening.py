@@ -9,6 +9,7 @@ from itertools import product
 import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
+from sci_lightning.diagnosis.fit.information_criterion import ABANDON_NATS
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
 from sci_lightning.diagnosis.model.likelihood import Prediction
@@ -21,6 +22,19 @@ STARTS_IN_MEMORY = 12
 
 INVISIBLE_DN = 1e-3
 """Largest change of the predicted DN by which an effect does nothing in these captures, and is no candidate."""
+
+COARSE_NATS = 100.0
+"""Gain on some of the pixels from which a candidate is strong: far above what chance gives."""
+
+RIVAL_NATS = 24.0
+"""Nats of an effect's evidence that another effect may leave unexplained and still be fitted in its place; well above
+``SearchSettings.indistinct_nats``, because screening is only accurate to second order."""
+
+RIVAL_FRACTION = 0.03
+"""The same as a part of the evidence, because large effects are not linear."""
+
+RIVAL_STARTS = 12
+"""Settings of a rival from which its screening starts; it bounds the run time."""
 
 SCREENED_FROM_KINK_PIXELS = 0.2
 """Pixels on either side of a whole displacement at which it is screened again: half of what its starts are apart."""
@@ -59,7 +73,7 @@ def screen(base: Fit, further: Mapping[str, list[Setting]] | None = None, part: 
     coarse = base.seen_coarsely()
     if coarse is not base:
         candidates = _screened(coarse, further or {}, part)
-        if candidates and candidates[0].gain > base.fitter.settings.coarse_nats:
+        if candidates and candidates[0].gain > COARSE_NATS:
             surplus = float(base.fitter.fitted.sum() / coarse.fitter.fitted.sum())
             return [replace(candidate, gain=candidate.gain * surplus) for candidate in candidates]
     return _screened(base, further or {}, part)
@@ -175,12 +189,12 @@ def rivals(fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
     nothing = coarse.model.predict(base).mean
     change = coarse.predicted(fit).mean - nothing
     evidence = fit.log_likelihood - without.log_likelihood
-    allowed = max(settings.rival_fraction, settings.rival_nats / max(evidence, 1.0))
+    allowed = max(RIVAL_FRACTION, RIVAL_NATS / max(evidence, 1.0))
     close = []
     for other, effect in model.vocabulary.items():
         if other in fit.hypothesis.effects or effect.noise or effect.map_kind:
             continue
-        starts = starting_settings(model, other, without.hypothesis)[: settings.rival_starts]
+        starts = starting_settings(model, other, without.hypothesis)[:RIVAL_STARTS]
         predictions = [coarse.model.predict(with_effect_at(model, base, other, start)) for start in starts]
         if not predictions or any(one.bits != seen.prediction.bits for one in predictions):
             continue
@@ -193,7 +207,7 @@ def rivals(fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
             factor = min(max(float(information[0, 1 + best] / size[best]), 1e-3), 1.0)
             close.append((unexplained, other, part_of(starts[best], effect.about, factor)))
     close.sort(key=lambda rival: rival[0])
-    to_reach = fit.fitted_log_likelihood - settings.abandon_nats
+    to_reach = fit.fitted_log_likelihood - ABANDON_NATS
     same = [rival for rival in close if model.effects[rival[1]].plainer == name]  # takes no other rival's place
     chosen = same + [rival for rival in close if rival not in same][: settings.rivals_fitted]
     added = {other: with_effect_at(model, without.hypothesis, other, start) for _, other, start in chosen}

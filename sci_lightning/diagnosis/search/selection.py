@@ -25,6 +25,9 @@ LABORATORY_ITERATIONS = 6
 """Iterations of the fit that shows whether the laboratory has errors; it starts from a fitted model without them."""
 MIN_PROBABLE_NATS = 10.0
 """Nats without which no effect can be more probable than not: the prior asks for four, its numbers for several more."""
+PROVISIONAL_NATS = 100.0
+"""Gain beyond the criterion's penalty from which an effect is added provisionally that held-out pixels do not confirm;
+small ones are nearly always chance. Below it, effects are compared once more with narrow borders."""
 WEAK_START_SHARE = 0.1
 """Part of a start's distance from doing nothing at which weak effects are looked for: their borders are a pixel or two
 wide."""
@@ -81,12 +84,12 @@ def select_effects(
             break
         comparison = compare_candidates(best, far_displacements(best))
         added = comparison.winner()
-        if comparison.gain_of(added) < settings.provisional_nats and comparison.leaves_out_much(whole):
+        if comparison.gain_of(added) < PROVISIONAL_NATS and comparison.leaves_out_much(whole):
             narrow = whole.covering(best.hypothesis)
             near = compare_candidates(narrow.repeated(best), part=WEAK_START_SHARE)
             weak = near.winner()
             # one that gains more there is a matter of some pixels at the sides, which are localised in the end
-            if comparison.gain_of(added) < near.gain_of(weak) < settings.provisional_nats:
+            if comparison.gain_of(added) < near.gain_of(weak) < PROVISIONAL_NATS:
                 comparison, added = near, weak
         if (in_laboratory := with_laboratory(comparison.best, comparison.gain_of(added))) is not None:
             on_progress("errors of exposures and targets become part of every model")
@@ -96,7 +99,7 @@ def select_effects(
             comparison, added = most_probable(comparison)
         best, fits = comparison.best, comparison.fits
         if provisional := added is None and confirmed is None and not best.in_laboratory:
-            added = comparison.unconfirmed(settings.provisional_nats)
+            added = comparison.unconfirmed(PROVISIONAL_NATS)
         gains = comparison.gains()
         screened_gains = {candidate.name: candidate.gain for candidate in comparison.screened}
         probabilities = comparison.probabilities() if added is None else {}

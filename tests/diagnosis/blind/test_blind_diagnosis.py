@@ -225,8 +225,8 @@ def test_bad_input(change: dict[str, int], message: str) -> None:
 
 
 def test_settings_of_known_scenes_are_refused() -> None:
-    with pytest.raises(BadInput, match=r"search\.rival_fraction=0\.2: .*min_progress_nats"):
-        diagnose_blind(snapshots(count=1), settings=SearchSettings(min_progress_nats=0.1, rival_fraction=0.2))
+    with pytest.raises(BadInput, match=r"search\.max_unnamed=2: .*indistinct_nats"):
+        diagnose_blind(snapshots(count=1), settings=SearchSettings(min_gain_nats=1.0, max_unnamed=2))
 
 
 def test_a_weak_delay_is_undetermined_unless_it_is_named() -> None:

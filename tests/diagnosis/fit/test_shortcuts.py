@@ -8,17 +8,16 @@ import pytest
 import torch
 
 from sci_lightning.diagnosis.diagnosis import diagnose
+from sci_lightning.diagnosis.fit import fit
 from sci_lightning.diagnosis.fit.fit import Fitter
 from sci_lightning.diagnosis.fit.split import split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
 from sci_lightning.diagnosis.model.observation import observe
-from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.border import Border
 from sci_lightning.virtual_camera import Session, VirtualCamera
 
 NOISE = Hypothesis({"shot_noise": {"full_well": 1e4}, "read_noise": {"std": 0.8}})
-COARSE = SearchSettings(coarse_pixels=1500)
 HIDDEN = {"mask_shift": {"dx": 0.61, "dy": -0.35}, "prnu": {"std": 0.04}}
 FEW = ("mask_shift", "mask_rotation", "gain", "prnu", "column_noise", "shot_noise", "read_noise")
 
@@ -58,14 +57,16 @@ def test_a_part_of_the_pixels_is_predicted_as_in_the_whole(fitter: Fitter) -> No
 
 
 @pytest.mark.slow
-def test_the_way_begins_on_a_part_of_the_pixels_and_ends_on_all() -> None:
+def test_the_way_begins_on_a_part_of_the_pixels_and_ends_on_all(monkeypatch: pytest.MonkeyPatch) -> None:
     captures = VirtualCamera(Session(size=(32, 32)), HIDDEN).capture(3)
     few = {name: vocabulary()[name] for name in FEW}
-    coarse, exact = (diagnose(captures, few, settings=settings) for settings in (COARSE, SearchSettings()))
+    exact = diagnose(captures, few)
+    monkeypatch.setattr(fit, "COARSE_PIXELS", 1500)
+    coarse = diagnose(captures, few)
     assert coarse.names == exact.names == ("mask_shift", "prnu") and coarse.verdict == exact.verdict == "explained"
     for one, other in zip(coarse.effects, exact.effects, strict=True):
         for name, estimate in one.parameters.items():
             assert abs(float(estimate.value) - float(other.parameters[name].value)) < 0.2 * estimate.std
     assert abs(coarse.after.fit.log_likelihood - exact.after.fit.log_likelihood) < 0.2
-    part = Fitter(coarse.model, coarse.split, COARSE).coarse
+    part = Fitter(coarse.model, coarse.split).coarse
     assert part is not None and part.coarse is None and float(part.fitted.sum()) <= 1500
