@@ -27,16 +27,17 @@ class MeasurementsFile:
         scale: of what was measured.
         seeds: of everything random.
         command: that measures it.
+        commit: that was measured; empty for this one.
     """
 
-    def __init__(self, path: Path, *, machine: str, scale: str, seeds: str, command: str) -> None:
+    def __init__(self, path: Path, *, machine: str, scale: str, seeds: str, command: str, commit: str = "") -> None:
         self.path = path
-        commit = subprocess.run(["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT, capture_output=True, text=True)
+        here = subprocess.run(["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT, capture_output=True, text=True)
         load = os.getloadavg()[0]
         self._provenance = {
             "machine": f"{machine}, {platform.machine()}, PyTorch {torch.__version__}, load {load:.1f} when it began",
             "date": date.today().isoformat(),
-            "commit": commit.stdout.strip(),
+            "commit": commit or here.stdout.strip(),
             "scale": scale,
             "seeds": seeds,
             "command": command,
@@ -66,6 +67,10 @@ class MeasurementsFile:
 
 def in_words(answers: Iterable[bool]) -> str:
     """Return how many answers are yes, with the 95 % interval of their share: "9 of 10 (60 % to 98 %)"."""
-    proportion = Proportion.of(answers)
+    return proportion_in_words(Proportion.of(answers))
+
+
+def proportion_in_words(proportion: Proportion) -> str:
+    """Return a proportion in the same words."""
     low, high = (round(100 * end) for end in proportion.interval)
     return f"{proportion.count} of {proportion.total} ({low} % to {high} %)"

@@ -1,0 +1,236 @@
+"""The tables of a round of the textbook camera and of the proving ground: how often a diagnosis is right.
+
+``python -m tests.textbook_camera.tables ROUND COMMIT OUT GROUND [FORMER]`` writes files of ``docs/results`` from the
+records of a round in ``OUT/cases`` and those of the proving ground in ``GROUND/cases``, both of one commit, and those
+of the same round by the rules of an earlier version in ``FORMER/cases``.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sci_lightning.studies.engine.records import Records
+from sci_lightning.studies.proving_ground.outcome import Outcome
+from sci_lightning.studies.proving_ground.pictures import reliability_figure
+from sci_lightning.studies.proving_ground.reliability import Statement, reliability
+from sci_lightning.studies.proving_ground.summary import CERTAIN, VISIBLE_GAIN
+from tests.measurements_file import MeasurementsFile, in_words, proportion_in_words
+from tests.textbook_camera.score import SIZE, TrialRecord, every_case
+from tests.textbook_camera.suite import GROUPS
+
+RESULTS = Path("docs/results")
+QUANTILES = {"50 %": 0.674490, "80 %": 1.281552, "95 %": 1.959964}
+"""Half the widths of intervals of a normal distribution, in standard deviations."""
+PROBABILITIES = (0.5, 0.8, 0.95, 0.999, 1.01)
+"""Between which the stated probabilities of names are counted together."""
+Column = tuple[str, str, int | None]
+COLUMNS: list[Column] = [
+    ("world", "world", None),
+    ("hidden", "hidden", None),
+    ("exact", "exactly what is hidden is named, or its class", None),
+    ("wrong", "with a wrong name", None),
+    ("missed", "hidden names missed", None),
+    ("stage", "stage of what has no name right", None),
+    ("agrees", "`consistent` or `explained`", None),
+    ("median", "processor seconds, median", 0),
+    ("longest", "longest", 0),
+]
+TRUST: list[Column] = [("world", "world", None), ("stated", "stated", None), ("right", "right", None)]
+RELIABILITY: list[Column] = [
+    ("stated", "stated probability", None),
+    ("mean", "on average", 3),
+    ("true", "true", None),
+]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What every table asks of a case.
+
+    Attributes:
+        group: nothing, single, pair, triple or outside.
+        exact: whether exactly what is hidden is named, or a class that holds it.
+        named: probability and whether it is right of every name.
+        errors: of the estimates, in stated standard deviations.
+        seconds: of a processor.
+        statements: with a probability.
+    """
+
+    group: str
+    exact: bool
+    named: Sequence[tuple[float | None, bool]]
+    errors: Sequence[float]
+    seconds: float
+    statements: Sequence[Statement]
+
+    @classmethod
+    def of_textbook(cls, one: TrialRecord) -> Answer:
+        """Return the answer of a case of the textbook camera."""
+        named = [(effect.probability, not one.is_wrong(effect)) for effect in one.named]
+        exact = not one.missed and all(right for _, right in named)
+        errors = [error for _, error in one.errors]
+        return cls(one.truth["group"], exact, named, errors, one.cpu_seconds, one.statements)
+
+    @classmethod
+    def of_proving_ground(cls, one: Outcome) -> Answer:
+        """Return the answer of a case of the proving ground."""
+        named = [(effect.probability, effect.name not in one.wrong_names) for effect in one.named]
+        errors = [error for _, error in one.errors]
+        return cls(one.suite, one.exact, named, errors, one.cpu_seconds, one.statements)
+
+    @property
+    def wrong(self) -> bool:
+        """Whether a name is wrong."""
+        return not all(right for _, right in self.named)
+
+
+def row(world: str, group: str, records: Sequence[TrialRecord]) -> dict[str, Any]:
+    """Return what was right and wrong in the cases of one world and one group."""
+    answers = [Answer.of_textbook(one) for one in records]
+    hidden = sum(bool(one["accepted"]) for record in records for one in record.hidden)
+    unnamed = [one for one in records if one.truth["group"] == "outside"]
+    return {
+        "world": world,
+        "hidden": group,
+        "exact": in_words(one.exact for one in answers),
+        "wrong": in_words(one.wrong for one in answers),
+        "missed": f"{sum(len(one.missed) for one in records)} of {hidden}" if hidden else "",
+        "stage": f"{sum(one.stage_is_right for one in unnamed)} of {len(unnamed)}" if unnamed else "",
+        "agrees": f"{sum(one.verdict in ('consistent', 'explained') for one in records)} of {len(records)}",
+        "median": float(np.median([one.seconds for one in answers])),
+        "longest": max(one.seconds for one in answers),
+    }
+
+
+def rows(records: Sequence[TrialRecord]) -> list[dict[str, Any]]:
+    """Return the rows of the table of a round."""
+    groups = {
+        (world, group): [one for one in records if (one.truth["world"], one.truth["group"]) == (world, group)]
+        for world in ("clean", "laboratory")
+        for group in GROUPS
+    }
+    return [row(*key, some) for key, some in groups.items() if some]
+
+
+def trust(records: Sequence[TrialRecord]) -> list[dict[str, Any]]:
+    """Return, for every world, how many intervals hold and how many names of every stated probability are right."""
+    table = []
+    for world in ("clean", "laboratory"):
+        some = [Answer.of_textbook(one) for one in records if one.truth["world"] == world]
+        errors = [abs(error) for one in some for error in one.errors]
+        for label, width in QUANTILES.items():
+            table.append(
+                {"world": world, "stated": f"interval of {label}", "right": in_words(e <= width for e in errors)}
+            )
+        stated = [entry for one in some for entry in one.named]
+        for low, high in itertools.pairwise(PROBABILITIES):
+            right = [good for probability, good in stated if probability is not None and low <= probability < high]
+            if right:
+                label = f"probability of a name {low:g} to {min(high, 1.0):g}"
+                table.append({"world": world, "stated": label, "right": in_words(right)})
+    return table
+
+
+def share(answers: Iterable[bool]) -> str:
+    """Return how many of how many are true, "9/10"; empty of none."""
+    listed = list(answers)
+    return f"{sum(listed)}/{len(listed)}" if listed else ""
+
+
+FIGURES: dict[str, Callable[[Sequence[Answer]], str]] = {
+    "nothing hidden: nothing named": lambda all_: share(one.exact for one in all_ if one.group == "nothing"),
+    **{
+        f"{what}: exactly named": lambda all_, group=group: share(one.exact for one in all_ if one.group == group)  # type: ignore[misc]
+        for group, what in {"single": "one effect", "pair": "two", "triple": "three"}.items()
+    },
+    "with a wrong name": lambda all_: share(one.wrong for one in all_ if one.group in ("single", "pair", "triple")),
+    "not in the vocabulary: with a wrong name": lambda all_: share(one.wrong for one in all_ if one.group == "outside"),
+    "names stated with 95 % and more: right": lambda all_: share(
+        right for one in all_ for probability, right in one.named if (probability or 0.0) >= CERTAIN
+    ),
+    "95 % intervals that hold": lambda all_: share(
+        abs(error) <= QUANTILES["95 %"] for one in all_ for error in one.errors
+    ),
+    "processor seconds: median, longest": lambda all_: (
+        f"{np.median([one.seconds for one in all_]):.0f}, {max(one.seconds for one in all_):.0f}"
+    ),
+}
+"""Rows of the short table: what is asked of the cases of a column."""
+
+
+def short_table(columns: dict[str, Sequence[Answer]]) -> list[dict[str, Any]]:
+    """Return the short table: a row for every figure, a column for every world."""
+    return [{"what": what} | {name: figure(some) for name, some in columns.items()} for what, figure in FIGURES.items()]
+
+
+def of_round(out: Path, round_: int) -> list[TrialRecord]:
+    """Return the records of a round that are there."""
+    records = Records(out / "cases", TrialRecord)
+    return [one for one in map(records.ended, every_case(round_)) if isinstance(one, TrialRecord)]
+
+
+def main(round_: int, commit: str, out: Path, ground: Path, former: Path | None = None) -> None:
+    textbook, total = of_round(out, round_), len(every_case(round_))
+    if len(textbook) < total:
+        sys.exit(f"{len(textbook)} of {total} cases have a record; the tables need all of them")
+    grounds = [one for one in Records(ground / "cases", Outcome).read() if one.suite not in ("weak", "faint", "later")]
+    faint = [one for one in Records(ground / "cases", Outcome).read() if one.suite == "faint"]
+    about = {
+        "machine": "one thread",
+        "scale": f"{total} cameras, 34 captures of {SIZE} x {SIZE} pixels, eight slots",
+        "seeds": f"round {round_}",
+        "commit": commit,
+        "command": f"python -m tests.textbook_camera.score OUT {round_}",
+    }
+    MeasurementsFile(RESULTS / f"textbook-{round_}.json", **about).write(COLUMNS, rows(textbook))
+    MeasurementsFile(RESULTS / f"textbook-{round_}-trust.json", **about).write(TRUST, trust(textbook))
+    visible = [one for one in grounds if not one.hidden or one.smallest_gain >= VISIBLE_GAIN or one.suite == "outside"]
+    columns = {
+        "clean": [Answer.of_textbook(one) for one in textbook if one.truth["world"] == "clean"],
+        "laboratory": [Answer.of_textbook(one) for one in textbook if one.truth["world"] == "laboratory"],
+        "overlap": [Answer.of_proving_ground(one) for one in visible if one.formulation == "overlap"],
+        "rays": [Answer.of_proving_ground(one) for one in visible if one.formulation == "rays"],
+    }
+    both = about | {
+        "scale": f"{total} cameras of the textbook camera and {len(visible)} of the proving ground, {SIZE} x {SIZE}",
+        "seeds": f"round {round_}; rounds from 7",
+        "command": f"{about['command']} and python -m sci_lightning.proving_ground first_round=7 ..",
+    }
+    titles = {
+        "clean": "textbook camera",
+        "laboratory": "the same in a laboratory",
+        "overlap": "proving ground",
+        "rays": "the same, imperfect",
+    }
+    described: list[Column] = [("what", "", None), *((name, titles[name], None) for name in columns)]
+    MeasurementsFile(RESULTS / "diagnosis-summary.json", **both).write(described, short_table(columns))
+    usual = [one for some in columns.values() for answer in some for one in answer.statements]
+    doubtful = [one for outcome in faint for one in outcome.statements]
+    table = [
+        {"stated": f"{one.low:g} to {one.high:g}", "mean": one.stated, "true": proportion_in_words(one.true)}
+        for one in reliability([*usual, *doubtful])
+    ]
+    MeasurementsFile(RESULTS / "diagnosis-reliability.json", **both).write(RELIABILITY, table)
+    figure = reliability_figure({"clear effects, or nothing": usual, "faint effects": doubtful})
+    figure.savefig(RESULTS / "diagnosis-reliability.png", dpi=130)
+    if former is not None:
+        before = of_round(former, round_)
+        numbers = {one.number for one in before}
+        same = [one for one in textbook if one.number in numbers]
+        table = [{"rules": rules, **one} for rules, some in (("before", before), ("now", same)) for one in rows(some)]
+        table.sort(key=lambda one: (one["world"], list(GROUPS).index(one["hidden"])))
+        scale = {"scale": about["scale"].replace(str(total), str(len(same)), 1)}
+        MeasurementsFile(RESULTS / f"textbook-{round_}-former.json", **about | scale).write(
+            [("rules", "rules", None), *COLUMNS], table
+        )
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2], *map(Path, sys.argv[3:]))
