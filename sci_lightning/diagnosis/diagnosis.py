@@ -119,7 +119,9 @@ def diagnose(
         effects=named_effects(explanation.fit, names),
         unnamed=explanation.unnamed,
         rounds=explanation.rounds,
-        considered={name: effect for name, effect in model.vocabulary.items() if not effect.noise},
+        considered={
+            name: effect for name, effect in model.vocabulary.items() if not (effect.noise or effect.of_captures)
+        },
         stated_noise=tuple(effect for effect, _ in datasheet_noise(observation)[1]),
         correlation=error_correlation(corrected),
         remaining=remaining,

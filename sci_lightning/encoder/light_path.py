@@ -26,6 +26,8 @@ from sci_lightning.errors import BadInput
 
 CELLS = 5
 """Cells per pixel and axis for a displaced mask behind a blurred lens."""
+DETAIL_CELLS = 3
+"""The same for a scene that changes within a pixel, behind either of them."""
 
 StageEffect = TypeVar("StageEffect", ModulatorEffect, RelayEffect, ExposureEffect, OpticsEffect, SensorEffect)
 
@@ -39,14 +41,17 @@ class LightPath(nn.Module):
     Args:
         effects: effects of any stage, each name at most once.
         grid: where the mirrors nominally lie in the field; None where every mirror is a pixel.
+        detailed: whether the scene changes within a pixel.
 
     Raises:
         BadInput: a name twice or one that cannot be a key, or something that is not an effect of one of the stages.
     """
 
-    def __init__(self, effects: Iterable[Effect] = (), grid: ModulatorGrid | None = None) -> None:
+    def __init__(
+        self, effects: Iterable[Effect] = (), grid: ModulatorGrid | None = None, detailed: bool = False
+    ) -> None:
         super().__init__()
-        self.grid = grid
+        self.grid, self.detailed = grid, detailed
         given = list(effects)
         for effect in given:
             if not isinstance(effect, Effect):
@@ -72,9 +77,16 @@ class LightPath(nn.Module):
 
     @property
     def cells(self) -> int:
-        """The number of cells along either axis of a pixel: above 1 where a blur has to know where the light falls."""
-        displaced = self.grid is not None or self.of(RelayEffect)
-        return CELLS if displaced and any(effect.subpixel for effect in self.of(OpticsEffect)) else 1
+        """The number of cells along either axis of a pixel: above 1 where it matters where in a pixel the light falls.
+
+        A displaced mask makes the light of a pixel uneven, and so does a scene with detail; a blur sees either. Where
+        both do, their product is not that of their means.
+        """
+        displaced = self.grid is not None or bool(self.of(RelayEffect))
+        blurred = any(effect.subpixel for effect in self.of(OpticsEffect))
+        if displaced and blurred:
+            return CELLS
+        return DETAIL_CELLS if self.detailed and (displaced or blurred) else 1
 
     def border(self, size: tuple[int, int]) -> Border:
         """Return how far what lies beyond a field of ``size`` (H, W) reaches into it through all effects together.

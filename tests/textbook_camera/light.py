@@ -210,7 +210,7 @@ class Bench:
             return gaussian_filter(light, sigma, mode="nearest") if any(sigma) else light
         added = camera.corner_sigma_um * self.radius2 + camera.edge_sigma_um * self.x
         variance = np.clip(along_x + added, 0.0, None) ** 2
-        ladder = np.linspace(variance.min(), variance.max(), 7)
+        ladder = np.linspace(variance.min(), variance.max(), 41)
         out = np.zeros_like(light)
         for rung in ladder:
             weight = np.clip(1.0 - np.abs(variance - rung) / (ladder[1] - ladder[0]), 0.0, None)

@@ -11,6 +11,8 @@ MIN_PROGRESS_NATS = 0.05
 below every threshold of the search."""
 SEARCH_SHARE = 0.7
 """Part of the budget after which the search begins nothing new; the rest is for errors, tests and the report."""
+EXCHANGE_SHARE = 0.8
+"""Part of it after which no other effect is tried in place of a named one."""
 
 
 class Budget:

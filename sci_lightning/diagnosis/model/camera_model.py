@@ -13,7 +13,7 @@ from sci_lightning.diagnosis.model.likelihood import MIN_DEVIATION_DN, ClippedSi
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.diagnosis.model.smooth_basis import quadrants
-from sci_lightning.diagnosis.target_effects import SceneEffect, changed_scenes
+from sci_lightning.diagnosis.target_effects import SceneDetail, SceneEffect, changed_scenes
 from sci_lightning.encoder import free_form
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
@@ -206,7 +206,8 @@ class CameraModel:
                     values = self.windowed(values)
                 _set_map(effect, values, self.observation.size)
             effects.append(effect)
-        return LightPath(effects, self.observation.grid)
+        detailed = any(issubclass(self.effects[name], SceneDetail) for name in hypothesis.effects)
+        return LightPath(effects, self.observation.grid, detailed)
 
     def target_effects(self, hypothesis: Hypothesis) -> list[SceneEffect]:
         """Return by which effects the targets of a hypothesis differ from what the file says, in order."""
@@ -257,7 +258,7 @@ class CameraModel:
         optics = tuple(effect_key(effect) for effect in path.of(OpticsEffect))
 
         def form() -> Signal:
-            return path.form(self._modulated.get(modulation, lambda: self._modulate(path, self.scenes(hypothesis))))
+            return path.form(self._modulated.get(modulation, lambda: self._modulate(path, hypothesis)))
 
         light = self._formed.get((modulation, optics), form)
         light = replace(light, mean=self.windowed(light.mean), variance=torch.zeros(()), origin=self._origin)
@@ -325,9 +326,10 @@ class CameraModel:
         deviation = deviation.expand_as(signal.mean).clamp(min=MIN_DEVIATION_DN)
         return signal.mean * self.observation.full_scale, deviation
 
-    def _modulate(self, path: LightPath, scenes: list[torch.Tensor]) -> Signal:
+    def _modulate(self, path: LightPath, hypothesis: Hypothesis) -> Signal:
         """Return the light of every capture behind the modulator: the sum over the slots of mask times scene."""
-        observation, cells = self.observation, path.cells
+        observation, cells, scenes = self.observation, path.cells, self.scenes(hypothesis)
+        detail = next((one for one in self.target_effects(hypothesis) if isinstance(one, SceneDetail)), None)
         key = tuple(effect_key(effect) for effect in path.imaging), cells
         shown = self._images.get(key, lambda: path.images(observation.patterns))
         images: list[torch.Tensor] = [torch.zeros(shown.shape[-2:])] * len(observation)
@@ -338,9 +340,9 @@ class CameraModel:
                 continue
             masks = path.during(shown, sequence[None])[0]
             # cells are many: they are added up slot by slot, without memory for every slot's product
-            operator, total = SnapshotOperator(masks, cells, slot_by_slot=cells > 1), None
+            operator, total = SnapshotOperator(masks, cells if detail is None else 1, slot_by_slot=cells > 1), None
             for number in numbers:
-                scene = scenes[number]
+                scene = scenes[number] if detail is None else detail.on_cells(scenes[number], cells)
                 if scene.shape[0] == 1:  # the scene is at rest, so that the masks may be summed first
                     total = operator.total() if total is None else total
                     images[number] = operator.static_scene(scene, total)[0]

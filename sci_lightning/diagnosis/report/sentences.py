@@ -77,7 +77,8 @@ def further_notes(result: BlindDiagnosis) -> tuple[str, ...]:
 def laboratory(result: CalibratedResult) -> str:
     """Say which errors the laboratory has, which no camera is blamed for."""
     clauses = (
-        error.effect.describe({"std": percentage_of_size(error.parameters["std"])}) for error in result.imperfections
+        error.effect.describe({name: percentage_of_size(one) for name, one in error.parameters.items()})
+        for error in result.imperfections
     )
     return f"In this laboratory {'; '.join(clauses)}"
 

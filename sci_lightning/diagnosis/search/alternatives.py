@@ -48,7 +48,9 @@ class Alternatives:
 
     def shares_beside(self, name: str) -> dict[str, float]:
         """Return how probable the named effect and each of these are if it is one of them, by name."""
-        weights = {other: math.exp(-nats) for other, nats in {name: 0.0, **self.lost}.items()}
+        lost = {name: 0.0, **self.lost}
+        least = min(lost.values())  # an alternative may turn out to be much the better one
+        weights = {other: math.exp(least - nats) for other, nats in lost.items()}
         return {other: weight / sum(weights.values()) for other, weight in weights.items()}
 
 

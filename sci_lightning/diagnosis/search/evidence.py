@@ -146,20 +146,23 @@ def named_effects(fit: Fit, names: Sequence[str]) -> tuple[NamedEffect, ...]:
 
 
 def imperfections_in(fit: Fit) -> tuple[NamedEffect, ...]:
-    """Return the errors of the laboratory that a fit certainly has, with their sizes."""
+    """Return the errors of the laboratory, and what else is a matter of the captures, that a fit certainly has."""
     fitter, errors, certain = fit.fitter, cluster_errors(fit), list[NamedEffect]()
-    for name, effect in fitter.model.imperfections.items():
-        if name not in fit.hypothesis.effects:
+    for name, setting in fit.hypothesis.effects.items():
+        effect = fitter.model.effects[name]
+        if not effect.of_captures or name in fitter.model.free_forms:
             continue
-        size = float(fit.hypothesis.effects[name]["std"])
+        ((parameter, size),) = setting.items()
+        about = effect.about[parameter]
         if name in fit.maps:
             nats, error = fit.maps[name].evidence, fit.maps[name].std_error
         else:
-            without = fitter.model.predict(fit.hypothesis.with_effect(name, {"std": effect.about["std"].low}))
+            without = fitter.model.predict(fit.hypothesis.with_effect(name, {parameter: about.low}))
             lost = (fitter.log_likelihood(fit.prediction) - fitter.log_likelihood(without)) * fitter.fitted
-            nats, error = float(lost.sum(dtype=torch.float64)), size * errors.deviation((name, "std"))
+            error = errors.deviation((name, parameter)) * (float(size) if about.log else 1.0)
+            nats = float(lost.sum(dtype=torch.float64))
         if nats > MIN_LABORATORY_NATS:
-            certain.append(NamedEffect(effect, {"std": Estimate(size, error, 0.0, effect.about["std"].unit)}))
+            certain.append(NamedEffect(effect, {parameter: Estimate(size, error, 0.0, about.unit)}))
     return tuple(certain)
 
 

@@ -98,11 +98,15 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
     completed, left, withdrawn = complete(whole, selected.fit, keep, selected.unnamed, on_progress)
     settled = completed if completed is selected.fit else select_noise(completed)
     free_forms = {deviation.name for deviation in left}
-    names = [name for name in settled.hypothesis.effects if name not in keep and name not in free_forms]
+    names = [
+        name
+        for name in settled.hypothesis.effects
+        if name not in keep and name not in free_forms and not whole.model.effects[name].of_captures
+    ]
     ideal = settled.fitter.fit(noise, fixed=stated, iterations=30)
     effects = tuple(names if left else [*names, *noise_that_differs(settled)])
     looked_at = {**(selected.rounds[-1].probabilities if selected.rounds else {}), **withdrawn}
-    not_named = {name: probability for name, probability in looked_at.items() if name not in effects}
+    not_named = {name: one for name, one in looked_at.items() if name not in settled.hypothesis.effects}
     explanation = Explanation(ideal, settled, effects, tuple(selected.rounds), tuple(left), not_named)
     return _without_contradicted_maps(explanation, on_progress)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import torch
 
+from sci_lightning.diagnosis.fit.budget import EXCHANGE_SHARE
 from sci_lightning.diagnosis.fit.cluster_errors import LIGHT_LEVELS, cluster_errors, levels_of_light
 from sci_lightning.diagnosis.fit.fit import MIN_LABORATORY_NATS, Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
@@ -28,6 +29,8 @@ MIN_PROBABLE_NATS = 10.0
 PROVISIONAL_NATS = 100.0
 """Gain beyond the criterion's penalty from which an effect is added provisionally that held-out pixels do not confirm;
 small ones are nearly always chance. Below it, effects are compared once more with narrow borders."""
+MOST_LOST_SHARE = 0.1
+"""Part of the nats that another noise gains at some levels of light which it may lose at others."""
 WEAK_START_SHARE = 0.1
 """Part of a start's distance from doing nothing at which weak effects are looked for: their borders are a pixel or two
 wide."""
@@ -158,7 +161,7 @@ def exchange(fit: Fit, keep: Collection[str]) -> Fit:
         tried.add(name)
         several = len(fit.hypothesis.effects) - len(keep) > 1
         if name in fit.hypothesis.effects and (several or fit.fitter.model.effects[name].plainer):
-            if not fit.fitter.budget.allows(f"other effects in place of {name}"):
+            if not fit.fitter.budget.allows(f"other effects in place of {name}", EXCHANGE_SHARE):
                 continue
             effects, now = fit.fitter.model.effects, name
             for other, rival in rivals(fit, fit.without(name, from_afar=True), name):
@@ -181,41 +184,48 @@ def exchange(fit: Fit, keep: Collection[str]) -> Fit:
 def select_noise(fit: Fit) -> Fit:
     """Return the fit with the datasheet's noise where the captures bear it.
 
-    A stated parameter is freed where it probably differs (:mod:`~sci_lightning.diagnosis.search.probability`), by more
-    than formulas may be wrong, and at every level of light: what formulas get wrong passes for noise, but not for the
-    same noise everywhere.
+    Of the stated parameters, the one that gains most is freed if it probably differs
+    (:mod:`~sci_lightning.diagnosis.search.probability`), by more than formulas may be wrong, and at most levels of
+    light: what formulas get wrong passes for noise, but not for the same noise everywhere. Then another one may follow.
     """
-    fitter = fit.fitter
-    datasheet, stated = datasheet_noise(fitter.model.observation)
+    datasheet, stated = datasheet_noise(fit.fitter.model.observation)
 
     def with_stated(fixed: Sequence[ParameterName]) -> Fit:
         start = fit.hypothesis
         for name, parameter in fixed:
             start = start.with_effect(name, {parameter: datasheet.effects[name][parameter]})
-        return fitter.fit(start, fixed=tuple(fixed), iterations=30)
+        return fit.fitter.fit(start, fixed=tuple(fixed), iterations=30)
 
-    freed = with_stated(())
-    errors = cluster_errors(freed) if stated else None
-
-    def differs(name: str, parameter: str) -> bool:
-        nominal_fit = with_stated([(name, parameter)])
-        if evidence_for(freed, name, errors, nominal_fit).probability < MIN_PROBABILITY:
-            return False
-        value, nominal = (max(float(one.hypothesis.effects[name][parameter]), 1e-9) for one in (freed, nominal_fit))
-        by_formulas = 0.5 * (math.log(value / nominal) / formula_error(freed).share) ** 2
-        return by_formulas > MIN_PROBABLE_NATS and _likelier_at_every_level(freed, nominal_fit)
-
-    kept = [one for one in stated if not differs(*one)]
-    return with_stated(kept) if kept else freed
+    best, fixed = with_stated(stated), [*stated]
+    while fixed:
+        freed = {one: with_stated([other for other in fixed if other != one]) for one in fixed}
+        differing = [one for one, larger in freed.items() if _differs(one, larger, best)]
+        if not differing:
+            break
+        first = max(differing, key=lambda one: freed[one].log_likelihood)
+        best = freed[first]
+        fixed.remove(first)
+    return best
 
 
-def _likelier_at_every_level(one: Fit, other: Fit) -> bool:
-    """Return whether a fit is about as likely as another one, or more, at every level of light."""
+def _differs(one: ParameterName, freed: Fit, stated: Fit) -> bool:
+    """Return whether a parameter of the noise, freed in one fit, differs from the datasheet's in another."""
+    name, parameter = one
+    if evidence_for(freed, name, without=stated).probability < MIN_PROBABILITY:
+        return False
+    value, nominal = (max(float(fit.hypothesis.effects[name][parameter]), 1e-9) for fit in (freed, stated))
+    by_formulas = 0.5 * (math.log(value / nominal) / formula_error(freed).share) ** 2
+    return by_formulas > MIN_PROBABLE_NATS and _likelier_at_most_levels(freed, stated)
+
+
+def _likelier_at_most_levels(one: Fit, other: Fit) -> bool:
+    """Return whether what a fit loses at some levels of light is little beside what it gains at others."""
     fitter = one.fitter
     gain = (fitter.log_likelihood(one.prediction) - fitter.log_likelihood(other.prediction)) * fitter.fitted
     levels = levels_of_light(one.prediction.mean.contiguous()).flatten()
     sums = torch.zeros(LIGHT_LEVELS, dtype=torch.float64).index_add_(0, levels, gain.flatten().double())
-    return float(sums.min()) > -MIN_PROBABLE_NATS
+    lost, gained = float(-sums.clamp(max=0).sum()), float(sums.clamp(min=0).sum())
+    return lost < max(MIN_PROBABLE_NATS, MOST_LOST_SHARE * gained)
 
 
 def noise_that_differs(fit: Fit) -> list[str]:
