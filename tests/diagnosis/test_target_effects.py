@@ -11,11 +11,14 @@ import torch
 import yaml
 from scipy.ndimage import gaussian_filter, rotate, shift
 
+from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.diagnosis import diagnose
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
+from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.report.corrected_camera import write_encoder
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.report.sentences import headline
-from sci_lightning.diagnosis.target_effects import TARGET_EFFECTS, SceneEffect, changed_scenes
+from sci_lightning.diagnosis.target_effects import TARGET_EFFECTS, SceneDetail, SceneEffect, changed_scenes
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.errors import BadInput
 from tests.diagnosis.another_camera import Hidden, captures
@@ -28,11 +31,17 @@ SETTINGS: dict[str, dict[str, float]] = {
     "scene_scale": {"scale": 1.1},
     "scene_blur": {"sigma": 1.2},
     "scene_gamma": {"gamma": 1.3},
+    "scene_detail": {"share": 0.9},
 }
 
 
 def changed(name: str) -> np.ndarray:
-    return TARGET_EFFECTS[name](**SETTINGS[name]).change(SCENE).numpy()
+    return as_shown(TARGET_EFFECTS[name](**SETTINGS[name]), SCENE).numpy()
+
+
+def as_shown(effect: SceneEffect, scene: torch.Tensor) -> torch.Tensor:
+    """The scene as an effect changes it; detail within pixels shows on a pixel's cells alone."""
+    return effect.on_cells(scene, 3)[..., ::3, ::3] if isinstance(effect, SceneDetail) else effect.change(scene)
 
 
 @pytest.mark.parametrize("name", TARGET_EFFECTS)
@@ -41,9 +50,9 @@ def test_contract(name: str) -> None:
     effect = TARGET_EFFECTS[name]
     assert issubclass(effect, SceneEffect) and effect.stage == "scene" and effect.name == name and effect.rank < 10
     neutral = effect(**{key: about.neutral for key, about in effect.about.items()})
-    torch.testing.assert_close(neutral.change(SCENE), SCENE, atol=1e-5, rtol=0)
+    torch.testing.assert_close(as_shown(neutral, SCENE), SCENE, atol=1e-5, rtol=0)
     active = effect(**SETTINGS[name])
-    assert (active.change(SCENE) - SCENE).abs().max() > 0.005
+    assert (as_shown(active, SCENE) - SCENE).abs().max() > 0.005
     even, rest = torch.full((3, 1, 1), 0.4), SCENE[:1]
     assert active.change(even).shape == even.shape and active.change(rest).shape == rest.shape
     assert name == "scene_gamma" or torch.equal(active.change(even), even)
@@ -51,6 +60,51 @@ def test_contract(name: str) -> None:
     for setting in effect.starts(8, (40, 48), 8):
         assert effect(**setting).values == pytest.approx(setting)
     assert set(TARGET_EFFECTS) == set(SETTINGS)
+
+
+def test_detail_within_a_pixel_leaves_its_mean_and_continues_a_slope() -> None:
+    detail = SceneDetail(share=1.0)
+    fine = detail.on_cells(SCENE, 5)
+    torch.testing.assert_close(torch.nn.functional.avg_pool2d(fine, 5), SCENE, atol=1e-5, rtol=0)
+    slope = (0.01 * torch.arange(20.0) + 0.3).expand(1, 20, 20)
+    inside = detail.on_cells(slope, 3)[0, 15, 3:-3].unflatten(0, (-1, 3))
+    step = (1 / 8) ** 0.5  # with the variance of a slope over the pixel, 1 / 12
+    torch.testing.assert_close(inside[5] - slope[0, 10, 6], 0.01 * torch.tensor([-step, 0.0, step]), atol=1e-5, rtol=0)
+    assert detail.on_cells(torch.ones(8, 1, 1), 3).shape == (8, 1, 1)
+
+
+@pytest.mark.parametrize("name", ["optical_blur", "mask_shift"])
+def test_what_is_predicted_is_the_light_of_a_continuous_scene(name: str) -> None:
+    """Summed up on 15 x 15 points per pixel; without detail the prediction is several times as far off."""
+    size, points, hidden = 24, 15, {"optical_blur": {"sigma": 0.5}, "mask_shift": {"dx": 0.4, "dy": 0.0}}
+    place = (torch.arange(size * points) + 0.5) / points
+    scene = 0.5 + 0.2 * torch.sin(1.1 * place)[None] * torch.cos(0.8 * place)[:, None]
+    patterns = (torch.rand(2, size, size, generator=torch.Generator().manual_seed(0)) < 0.5).float()
+    mask = patterns.repeat_interleave(points, 1).repeat_interleave(points, 2).sum(0).numpy()
+    shift_points = round(hidden["mask_shift"]["dx"] * points) if name == "mask_shift" else 0
+    light = np.roll(mask, shift_points, axis=1) * scene.numpy()
+    light = gaussian_filter(light, 0.5 * points) if name == "optical_blur" else light
+    expected = light.reshape(size, points, size, points).mean((1, 3))[4:-4, 4:-4]
+    means = torch.nn.functional.avg_pool2d(scene[None], points).expand(2, -1, -1)
+    one = Captures(
+        patterns=patterns.numpy(),
+        sequence=np.array([[0, 1]]),
+        measurement=(65535 * 0.5 * (patterns * means).sum(0))[None].numpy().astype("uint16"),
+        scene=means[None].numpy(),
+        aperture=np.array([0.5], "float32"),
+        exposure=np.array([1.0], "float32"),
+        kind=("static",),
+        bit_depth=16,
+    )
+    model = CameraModel(observe(one), vocabulary())
+    noise = {"shot_noise": {"full_well": 1e4}, "read_noise": {"std": 1.0}}
+    steps, slopes = (
+        model.predict(Hypothesis({**noise, name: hidden[name], **more})).mean[0, 4:-4, 4:-4].numpy() / 65535 / 0.5
+        - expected
+        for more in ({}, {"scene_detail": {"share": 1.0}})
+    )
+    print(name, np.abs(slopes).max(), np.abs(steps).max(), np.sqrt(np.mean(slopes**2)))
+    assert np.abs(slopes).max() < 0.35 * np.abs(steps).max() and np.sqrt(np.mean(slopes**2)) < 0.003
 
 
 def test_no_target_shows_negative_light() -> None:
