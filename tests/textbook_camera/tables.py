@@ -1,14 +1,15 @@
 """The tables of a round of the textbook camera and of the proving ground: how often a diagnosis is right.
 
-``python -m tests.textbook_camera.tables ROUND COMMIT OUT GROUND [FORMER]`` writes files of ``docs/results`` from the
-records of a round in ``OUT/cases`` and those of the proving ground in ``GROUND/cases``, both of one commit, and those
-of the same round by the rules of an earlier version in ``FORMER/cases``.
+``python -m tests.textbook_camera.tables ROUND COMMIT OUT`` writes files of ``docs/results`` from the records of a round
+in ``OUT/cases``; ``--ground DIR`` adds those of the proving ground of the same commit, ``--former DIR`` those of the
+same round by the rules of an earlier version.
 """
 
 from __future__ import annotations
 
 import itertools
 import sys
+from argparse import ArgumentParser
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -176,12 +177,10 @@ def of_round(out: Path, round_: int) -> list[TrialRecord]:
     return [one for one in map(records.ended, every_case(round_)) if isinstance(one, TrialRecord)]
 
 
-def main(round_: int, commit: str, out: Path, ground: Path, former: Path | None = None) -> None:
+def main(round_: int, commit: str, out: Path, ground: Path | None = None, former: Path | None = None) -> None:
     textbook, total = of_round(out, round_), len(every_case(round_))
     if len(textbook) < total:
         sys.exit(f"{len(textbook)} of {total} cases have a record; the tables need all of them")
-    grounds = [one for one in Records(ground / "cases", Outcome).read() if one.suite not in ("weak", "faint", "later")]
-    faint = [one for one in Records(ground / "cases", Outcome).read() if one.suite == "faint"]
     about = {
         "machine": "one thread",
         "scale": f"{total} cameras, 34 captures of {SIZE} x {SIZE} pixels, eight slots",
@@ -191,34 +190,33 @@ def main(round_: int, commit: str, out: Path, ground: Path, former: Path | None 
     }
     MeasurementsFile(RESULTS / f"textbook-{round_}.json", **about).write(COLUMNS, rows(textbook))
     MeasurementsFile(RESULTS / f"textbook-{round_}-trust.json", **about).write(TRUST, trust(textbook))
-    visible = [one for one in grounds if not one.hidden or one.smallest_gain >= VISIBLE_GAIN or one.suite == "outside"]
+    worlds = {"textbook camera": "clean", "the same in a laboratory": "laboratory"}
     columns = {
-        "clean": [Answer.of_textbook(one) for one in textbook if one.truth["world"] == "clean"],
-        "laboratory": [Answer.of_textbook(one) for one in textbook if one.truth["world"] == "laboratory"],
-        "overlap": [Answer.of_proving_ground(one) for one in visible if one.formulation == "overlap"],
-        "rays": [Answer.of_proving_ground(one) for one in visible if one.formulation == "rays"],
+        title: [Answer.of_textbook(one) for one in textbook if one.truth["world"] == world]
+        for title, world in worlds.items()
     }
-    both = about | {
-        "scale": f"{total} cameras of the textbook camera and {len(visible)} of the proving ground, {SIZE} x {SIZE}",
-        "seeds": f"round {round_}; rounds from 7",
-        "command": f"{about['command']} and python -m sci_lightning.proving_ground first_round=7 ..",
-    }
-    titles = {
-        "clean": "textbook camera",
-        "laboratory": "the same in a laboratory",
-        "overlap": "proving ground",
-        "rays": "the same, imperfect",
-    }
-    described: list[Column] = [("what", "", None), *((name, titles[name], None) for name in columns)]
-    MeasurementsFile(RESULTS / "diagnosis-summary.json", **both).write(described, short_table(columns))
+    doubtful: list[Statement] = []
+    if ground is not None:
+        outcomes = list(Records(ground / "cases", Outcome).read())
+        asked = [one for one in outcomes if one.suite not in ("weak", "faint", "later")]
+        asked = [one for one in asked if not one.hidden or one.suite == "outside" or one.smallest_gain >= VISIBLE_GAIN]
+        for title, formulation in {"proving ground": "overlap", "the same, imperfect": "rays"}.items():
+            columns[title] = [Answer.of_proving_ground(one) for one in asked if one.formulation == formulation]
+        doubtful = [statement for one in outcomes if one.suite == "faint" for statement in one.statements]
+        about["scale"] += f", and {len(asked)} cameras of the proving ground"
+        about["seeds"] += ", and rounds from 7"
+        about["command"] += " and python -m sci_lightning.proving_ground first_round=7 .."
+    described: list[Column] = [("what", "", None), *((title, title, None) for title in columns)]
+    MeasurementsFile(RESULTS / "diagnosis-summary.json", **about).write(described, short_table(columns))
     usual = [one for some in columns.values() for answer in some for one in answer.statements]
-    doubtful = [one for outcome in faint for one in outcome.statements]
     table = [
         {"stated": f"{one.low:g} to {one.high:g}", "mean": one.stated, "true": proportion_in_words(one.true)}
         for one in reliability([*usual, *doubtful])
     ]
-    MeasurementsFile(RESULTS / "diagnosis-reliability.json", **both).write(RELIABILITY, table)
-    figure = reliability_figure({"clear effects, or nothing": usual, "faint effects": doubtful})
+    MeasurementsFile(RESULTS / "diagnosis-reliability.json", **about).write(RELIABILITY, table)
+    figure = reliability_figure(
+        {"clear effects, or nothing": usual} | ({"faint effects": doubtful} if doubtful else {})
+    )
     figure.savefig(RESULTS / "diagnosis-reliability.png", dpi=130)
     if former is not None:
         before = of_round(former, round_)
@@ -233,4 +231,10 @@ def main(round_: int, commit: str, out: Path, ground: Path, former: Path | None 
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), sys.argv[2], *map(Path, sys.argv[3:]))
+    parser = ArgumentParser(description=__doc__)
+    parser.add_argument("round_", type=int, metavar="ROUND")
+    parser.add_argument("commit", metavar="COMMIT")
+    parser.add_argument("out", type=Path, metavar="OUT")
+    parser.add_argument("--ground", type=Path)
+    parser.add_argument("--former", type=Path)
+    main(**vars(parser.parse_args()))
