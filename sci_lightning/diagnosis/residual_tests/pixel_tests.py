@@ -148,7 +148,7 @@ def estimated_map(residuals: Residuals, name: str) -> Answer:
     else:
         place = tuple(map(float, range(scores.numel())))
         picture = Picture("curve", scores.flatten(), x=place, axes=(PLACE[one.kind == "row"],))
-    p_value = map_p_value(one, map_dispersion(residuals.fit, one)[0])
+    p_value = map_p_value(one, map_dispersion(residuals.fit, one)[0], residuals.fit.in_laboratory)
     nats = -math.log(max(p_value, 1e-300))
     return Answer(nats, p_value, nats, picture)
 

@@ -21,11 +21,14 @@ BLOCK_PIXELS = 8
 """Side of the square blocks whose sums are tested."""
 MIN_FINE_DETAIL_SHARE = 0.02
 """Part of a smooth map's variance that finer detail must have to count: no lamp's ends where the polynomials do."""
+MAX_STRUCTURED_SHARE = 0.1
+"""Part of a pixel map's variance that may have a structure where targets and exposures have errors: the map holds what
+the targets' share."""
 NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
 """Displacements (rows, columns) at which values are correlated with each other."""
 
 
-def map_p_value(one: FixedPatternMap, dispersion: float = 1.0) -> float:
+def map_p_value(one: FixedPatternMap, dispersion: float = 1.0, in_laboratory: bool = False) -> float:
     """Return the p-value of the hypothesis that the values are independent and Gaussian, corrected for several tests.
 
     The values are maximum-likelihood estimates without the prior, divided by their standard deviation under the
@@ -36,6 +39,7 @@ def map_p_value(one: FixedPatternMap, dispersion: float = 1.0) -> float:
     Args:
         one: the map.
         dispersion: factor by which the variances of smooth detail are larger than noise makes them.
+        in_laboratory: whether exposures or targets have errors; a little structure is no contradiction then.
     """
     if one.kind == "hot":
         return _hot_neighbours(one.values > 0)
@@ -51,6 +55,8 @@ def map_p_value(one: FixedPatternMap, dispersion: float = 1.0) -> float:
     if count < MIN_VALUES:
         return min([1.0, *trend])
     values = torch.where(known, (values - values[known].mean()) / values[known].std(), 0.0)
+    if in_laboratory and not lines and _structured_share(values, known) < MAX_STRUCTURED_SHARE:
+        return 1.0
     p_values = [_neighbours(values), _largest(values[known]), *trend]
     if not lines:
         p_values += [_sums(values.sum(0), known.sum(0)), _sums(values.sum(1), known.sum(1)), _blocks(values, known)]
@@ -73,6 +79,14 @@ def _neighbours(values: torch.Tensor) -> float:
     return float(chi2.sf(squares, count)) if count else 1.0
 
 
+def _structured_share(values: torch.Tensor, known: torch.Tensor) -> float:
+    """Return the largest part of the variance that rows, columns or blocks have in common, or neighbours."""
+    rows, columns = (_squares(values.sum(axis), known.sum(axis)) for axis in (1, 0))
+    shared = [(squares - free) / float(known.sum()) for squares, free in (rows, columns, _block_squares(values, known))]
+    alike = [float((values[:-1] * values[1:]).mean()), float((values[:, :-1] * values[:, 1:]).mean())]
+    return max(*shared, *map(abs, alike))
+
+
 def _trend(values: torch.Tensor, known: torch.Tensor) -> float:
     """Return the p-value of a polynomial of degree ``TREND_DEGREE``, by Fisher's F, exact for few values."""
     left = int(known.sum()) - TREND_DEGREE - 1
@@ -92,16 +106,26 @@ def _largest(values: torch.Tensor) -> float:
 
 def _sums(sums: torch.Tensor, counts: torch.Tensor) -> float:
     """Return the p-value of the sums over whole rows, columns or blocks."""
+    return float(chi2.sf(*_squares(sums, counts)))
+
+
+def _squares(sums: torch.Tensor, counts: torch.Tensor) -> tuple[float, int]:
+    """Return the squares of sums over their counts, added up, and their degrees of freedom."""
     some = counts > 0
-    return float(chi2.sf(float((sums[some].square() / counts[some]).sum()), int(some.sum()) - 1))
+    return float((sums[some].square() / counts[some]).sum()), int(some.sum()) - 1
 
 
 def _blocks(values: torch.Tensor, known: torch.Tensor) -> float:
     """Return the p-value of the sums over square blocks."""
+    return float(chi2.sf(*_block_squares(values, known)))
+
+
+def _block_squares(values: torch.Tensor, known: torch.Tensor) -> tuple[float, int]:
+    """Return the same of the sums over square blocks."""
     pool = torch.nn.functional.avg_pool2d
     sums = pool(values[None, None], BLOCK_PIXELS, ceil_mode=True, divisor_override=1).flatten()
     counts = pool(known[None, None].to(values), BLOCK_PIXELS, ceil_mode=True, divisor_override=1).flatten()
-    return _sums(sums, counts)
+    return _squares(sums, counts)
 
 
 def _hot_neighbours(hot: torch.Tensor) -> float:

@@ -153,7 +153,9 @@ def explain_remaining_misfit(
 def contradicted_maps(fit: Fit) -> dict[str, float]:
     """Return the maps of the camera that are not what their effects say, with their p-values."""
     p_values = {
-        name: map_p_value(one, map_dispersion(fit, one)[0]) for name, one in fit.maps.items() if not one.of_captures
+        name: map_p_value(one, map_dispersion(fit, one)[0], fit.in_laboratory)
+        for name, one in fit.maps.items()
+        if not one.of_captures
     }
     return {name: p_value for name, p_value in p_values.items() if p_value < MAX_MAP_P_VALUE}
 

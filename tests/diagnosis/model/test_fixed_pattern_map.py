@@ -85,6 +85,16 @@ def test_white_maps_pass_and_others_do_not() -> None:
         assert map_p_value(estimated(unlike)) < 1e-5
 
 
+def test_in_a_laboratory_a_little_structure_is_no_contradiction() -> None:
+    """What the targets' errors leave in a map; a map that is mostly structure is none of its effect there, either."""
+    random = torch.Generator().manual_seed(3)
+    white = torch.randn(48, 48, generator=random, dtype=torch.float64)
+    wave = torch.sin(torch.arange(48, dtype=torch.float64) / 4)[:, None].expand(48, 48)
+    little, much = estimated(white + 0.35 * wave), estimated(white + 2 * wave)
+    assert map_p_value(little) < 1e-5 and map_p_value(little, in_laboratory=True) == 1.0
+    assert map_p_value(much, in_laboratory=True) < 1e-5
+
+
 def test_a_trend_over_few_columns_is_none_of_chance() -> None:
     """So few columns may be left of a small field whose surround is unknown: light that leaks in fades smoothly."""
     random = torch.Generator().manual_seed(0)
