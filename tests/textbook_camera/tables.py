@@ -151,16 +151,12 @@ FIGURES: dict[str, Callable[[Sequence[Answer]], str]] = {
         f"{what}: exactly named": lambda all_, group=group: share(one.exact for one in all_ if one.group == group)  # type: ignore[misc]
         for group, what in {"single": "one effect", "pair": "two", "triple": "three"}.items()
     },
-    "with a wrong name": lambda all_: share(one.wrong for one in all_ if one.group in ("single", "pair", "triple")),
-    "not in the vocabulary: with a wrong name": lambda all_: share(one.wrong for one in all_ if one.group == "outside"),
+    "with a wrong name": lambda all_: share(one.wrong for one in all_),
     "names stated with 95 % and more: right": lambda all_: share(
         right for one in all_ for probability, right in one.named if (probability or 0.0) >= CERTAIN
     ),
     "95 % intervals that hold": lambda all_: share(
         abs(error) <= QUANTILES["95 %"] for one in all_ for error in one.errors
-    ),
-    "processor seconds: median, longest": lambda all_: (
-        f"{np.median([one.seconds for one in all_]):.0f}, {max(one.seconds for one in all_):.0f}"
     ),
 }
 """Rows of the short table: what is asked of the cases of a column."""

@@ -218,7 +218,7 @@ class FixedPatternMap:
     def _penalty_of(self, model: CameraModel, values: torch.Tensor, information: torch.Tensor) -> float:
         """Return the penalty, in nats, of another map, as a hypothesis holds it, with so much information (H, W)."""
         if self.kind == "hot":
-            return float((values > 0).sum()) * _hot_penalty(self.values)
+            return float((values > 0).sum()) * hot_penalty(self.values)
         if self.smooth is not None:
             return penalty_of(self.smooth.coordinates(values), self.smooth.squares(information), self.std)
         return penalty_of(model.windowed(values).double(), self.reduce(information).double(), self.std)
@@ -281,8 +281,8 @@ def estimate_pattern(
         gains = 0.5 * (gradient + information * values).square() / information.clamp(min=1e-9)
         count = float(hot.sum())
         std, std_error = count / values.numel(), math.sqrt(max(count, 1)) / values.numel()
-        penalty = float((values > 0).sum()) * _hot_penalty(values)
-        evidence = float((gains - _hot_penalty(values))[hot].sum())
+        penalty = float((values > 0).sum()) * hot_penalty(values)
+        evidence = float((gains - hot_penalty(values))[hot].sum())
     else:
         from_zero = gradient + information * values
         if centred:
@@ -309,10 +309,10 @@ def _hot(gradient: torch.Tensor, information: torch.Tensor, values: torch.Tensor
     """Return which pixels gain more log-likelihood from an offset of their own than naming them costs."""
     from_zero = gradient + information * values
     gain = 0.5 * from_zero.square() / information.clamp(min=1e-9)
-    return (from_zero > 0) & (gain > _hot_penalty(values))
+    return (from_zero > 0) & (gain > hot_penalty(values))
 
 
-def _hot_penalty(values: torch.Tensor) -> float:
+def hot_penalty(values: torch.Tensor) -> float:
     """Return the nats that naming one more hot pixel costs: which one of all, and how hot."""
     return math.log(values.numel()) + HOT_PIXEL_PENALTY_NATS
 

@@ -17,7 +17,7 @@ import torch
 
 from sci_lightning.diagnosis.fit.cluster_errors import ClusterErrors, cluster_errors
 from sci_lightning.diagnosis.fit.fit import Fit
-from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, likeliest_prior
+from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, hot_penalty, likeliest_prior
 from sci_lightning.diagnosis.model.map_system import DENSE
 from sci_lightning.diagnosis.search.formula_error import formula_error, nats_beyond_formula
 from sci_lightning.encoder.effects.parameter import part_of
@@ -88,12 +88,13 @@ def map_evidence(fit: Fit, one: FixedPatternMap, dispersion: float) -> float:
     A map follows what it is fitted to, so that its nats divided by the dispersion would be too many. What other maps
     could say as well, such as errors of the targets, is not counted.
     """
-    if one.kind == "hot":
-        return math.inf
     from_zero, information = (
         one.likelihood_gradient + one.likelihood_information * one.values,
         one.likelihood_information,
     )
+    if one.kind == "hot":
+        gains = 0.5 * from_zero.square() / information.clamp(min=1e-9) / dispersion
+        return float((gains - hot_penalty(one.values))[one.values > 0].sum())
     if one.kind in DENSE:
         precision = fit.derivatives.system.own_precision(one)
         information, turn = torch.linalg.eigh(precision - torch.eye(len(precision)) / max(one.std, 1e-9) ** 2)
