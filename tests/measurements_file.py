@@ -27,15 +27,15 @@ class MeasurementsFile:
         scale: of what was measured.
         seeds: of everything random.
         command: that measures it.
-        commit: that was measured; empty for this one.
+        commit: that was measured, earlier, when nobody noted the load; empty for this one, now.
     """
 
     def __init__(self, path: Path, *, machine: str, scale: str, seeds: str, command: str, commit: str = "") -> None:
         self.path = path
         here = subprocess.run(["git", "rev-parse", "--short=8", "HEAD"], cwd=ROOT, capture_output=True, text=True)
-        load = os.getloadavg()[0]
+        load = "" if commit else f", load {os.getloadavg()[0]:.1f} when it began"
         self._provenance = {
-            "machine": f"{machine}, {platform.machine()}, PyTorch {torch.__version__}, load {load:.1f} when it began",
+            "machine": f"{machine}, {platform.machine()}, PyTorch {torch.__version__}{load}",
             "date": date.today().isoformat(),
             "commit": commit or here.stdout.strip(),
             "scale": scale,

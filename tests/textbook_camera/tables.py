@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import sys
 from argparse import ArgumentParser
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -145,26 +145,29 @@ def share(answers: Iterable[bool]) -> str:
     return f"{sum(listed)}/{len(listed)}" if listed else ""
 
 
-FIGURES: dict[str, Callable[[Sequence[Answer]], str]] = {
-    "nothing hidden: nothing named": lambda all_: share(one.exact for one in all_ if one.group == "nothing"),
-    **{
-        f"{what}: exactly named": lambda all_, group=group: share(one.exact for one in all_ if one.group == group)  # type: ignore[misc]
-        for group, what in {"single": "one effect", "pair": "two", "triple": "three"}.items()
-    },
-    "with a wrong name": lambda all_: share(one.wrong for one in all_),
-    "names stated with 95 % and more: right": lambda all_: share(
-        right for one in all_ for probability, right in one.named if (probability or 0.0) >= CERTAIN
-    ),
-    "95 % intervals that hold": lambda all_: share(
-        abs(error) <= QUANTILES["95 %"] for one in all_ for error in one.errors
-    ),
-}
-"""Rows of the short table: what is asked of the cases of a column."""
+HIDDEN = {"nothing": "nothing hidden", "single": "one effect", "pair": "two", "triple": "three"}
+
+
+def figures(answers: Sequence[Answer]) -> dict[str, str]:
+    """Return the column of the short table that some cases make, by what is asked."""
+    exact = {group: share(one.exact for one in answers if one.group == group) for group in HIDDEN}
+    return {
+        **{
+            f"{what}: {'nothing' if group == 'nothing' else 'exactly'} named": exact[group]
+            for group, what in HIDDEN.items()
+        },
+        "with a wrong name": share(one.wrong for one in answers),
+        "names stated with 95 % and more: right": share(
+            right for one in answers for probability, right in one.named if (probability or 0.0) >= CERTAIN
+        ),
+        "95 % intervals that hold": share(abs(error) <= QUANTILES["95 %"] for one in answers for error in one.errors),
+    }
 
 
 def short_table(columns: dict[str, Sequence[Answer]]) -> list[dict[str, Any]]:
     """Return the short table: a row for every figure, a column for every world."""
-    return [{"what": what} | {name: figure(some) for name, some in columns.items()} for what, figure in FIGURES.items()]
+    by_column = {name: figures(some) for name, some in columns.items()}
+    return [{"what": what} | {name: by_column[name][what] for name in columns} for what in figures(())]
 
 
 def of_round(out: Path, round_: int) -> list[TrialRecord]:
@@ -178,7 +181,7 @@ def main(round_: int, commit: str, out: Path, ground: Path | None = None, former
     if len(textbook) < total:
         sys.exit(f"{len(textbook)} of {total} cases have a record; the tables need all of them")
     about = {
-        "machine": "one thread",
+        "machine": "one thread, two cases at a time",
         "scale": f"{total} cameras, 34 captures of {SIZE} x {SIZE} pixels, eight slots",
         "seeds": f"round {round_}",
         "commit": commit,

@@ -11,9 +11,8 @@ from scipy.stats import t as student
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK
-from sci_lightning.diagnosis.fit.budget import MIN_PROGRESS_NATS
 from sci_lightning.diagnosis.fit.information_criterion import bic_penalty
-from sci_lightning.diagnosis.fit.levenberg_marquardt import maximise
+from sci_lightning.diagnosis.fit.levenberg_marquardt import MIN_PROGRESS_NATS, maximise
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
 

@@ -6,9 +6,6 @@ import time
 
 SECONDS_PER_PIXEL = 120.0 / (34 * 64 * 64)
 """Default: 120 s for 34 captures of 64 x 64 pixels."""
-MIN_PROGRESS_NATS = 0.05
-"""Gain below which a fit has converged; a twentieth of what one standard deviation of one parameter changes is far
-below every threshold of the search."""
 SEARCH_SHARE = 0.7
 """Part of the budget after which the search begins nothing new; the rest is for errors, tests and the report."""
 EXCHANGE_SHARE = 0.8

@@ -13,9 +13,9 @@ from functools import cached_property, partial
 
 import torch
 
-from sci_lightning.diagnosis.fit.budget import MIN_PROGRESS_NATS, Budget
+from sci_lightning.diagnosis.fit.budget import Budget
 from sci_lightning.diagnosis.fit.derivatives import Derivatives, differentiate
-from sci_lightning.diagnosis.fit.levenberg_marquardt import maximise
+from sci_lightning.diagnosis.fit.levenberg_marquardt import MIN_PROGRESS_NATS, maximise
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.fit.split import Split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated, Hypothesis, ParameterName

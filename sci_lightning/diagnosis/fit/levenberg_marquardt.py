@@ -11,6 +11,9 @@ from typing import TypeVar
 Point = TypeVar("Point")
 Derivatives = TypeVar("Derivatives")
 
+MIN_PROGRESS_NATS = 0.05
+"""Gain below which a fit has converged; a twentieth of what one standard deviation of one parameter changes is far
+below every threshold of the search."""
 FIRST_DAMPING = 1e-3
 """Part of the information's diagonal that is added to it at first: one step nearly maximises a quadratic objective."""
 LESS_DAMPING, MORE_DAMPING = 10, 20

@@ -29,17 +29,19 @@ class SceneDetail(SceneEffect):
         """Return the scene ``(T, H, W)`` on q x q cells per pixel, ``(T, qH, qW)``; an even one as it is."""
         if scene.shape[-2:] == (1, 1) or cells == 1:
             return scene
-        (before, after), (left, right) = (_neighbours(scene, axis) for axis in (-2, -1))
         place = ((torch.arange(cells) + 0.5) / cells - 0.5).to(scene)
         place = place * (1 / 12 / place.square().mean()).sqrt()  # the slope's variance over a pixel, not over its cells
-        down = (0.5 * self.share * (after - before)).unsqueeze(-1) * place
-        across = (0.5 * self.share * (right - left)).unsqueeze(-1) * place
-        fine = scene[..., :, None, :, None] + down.movedim(-1, -2)[..., None] + across[..., :, None, :, :]
+        centre, down, across = (
+            field[..., :, None, :, None]
+            for field in (scene, self.share * _slope(scene, -2), self.share * _slope(scene, -1))
+        )
+        fine = centre + down * place[:, None, None] + across * place
         return fine.flatten(-4, -3).flatten(-2, -1).clamp(min=0)
 
 
-def _neighbours(scene: torch.Tensor, axis: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """Return the scene moved by one pixel either way along an axis; at the ends the pixel itself."""
+def _slope(scene: torch.Tensor, axis: int) -> torch.Tensor:
+    """Return half of what the neighbours of every pixel differ by along an axis; beyond the ends the pixel itself."""
     length = scene.shape[axis]
     place = torch.arange(length)
-    return tuple(scene.index_select(axis, (place + step).clamp(0, length - 1)) for step in (-1, 1))  # type: ignore[return-value]
+    after, before = (scene.index_select(axis, (place + step).clamp(0, length - 1)) for step in (1, -1))
+    return 0.5 * (after - before)
