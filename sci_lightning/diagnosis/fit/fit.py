@@ -230,7 +230,19 @@ class Fitter:
         """Return a fit repeated with the pixels that count here; the fit itself if it was made with these."""
         if fit.fitter.split.border == self.split.border:
             return fit
-        return self.fit(fit.hypothesis, iterations=20, fixed=fit.fixed)
+        return self.fit(self._with_hot_pixels(fit.hypothesis), iterations=20, fixed=fit.fixed)
+
+    def _with_hot_pixels(self, hypothesis: Hypothesis) -> Hypothesis:
+        """Return a hypothesis that names the hot pixels among those that count here.
+
+        They come before everything else is fitted again: noise and errors of the laboratory would make room for them.
+        """
+        hot = [name for name in hypothesis.effects if self.model.effects[name].map_kind == "hot"]
+        for one in self.maps(self.evaluate(hypothesis)) if hot else ():
+            if one.name in hot:
+                step = torch.where(one.active, one.gradient / one.precision, 0.0)
+                hypothesis = hypothesis.with_effect(one.name, *one.moved(self.model, step))
+        return hypothesis
 
     def fit(
         self,

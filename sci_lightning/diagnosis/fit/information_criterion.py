@@ -1,4 +1,4 @@
-"""Which of two models the captures prefer: the Bayesian information criterion, confirmed by held-out pixels."""
+"""Which of two models the captures prefer: the Bayesian information criterion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sci_lightning.diagnosis.fit.fit import Fit
 
 ABANDON_NATS = 60.0
 """Nats by which a fit may stay behind another one for good before it is abandoned; well above what the criterion's
-penalty for parameters and held-out pixels make up for."""
+penalty for parameters makes up for."""
 
 
 def bic(fit: Fit) -> float:
@@ -28,14 +28,8 @@ def bic_penalty(parameters: int, pixels: float) -> float:
 
 
 def bic_gain(smaller: Fit, larger: Fit) -> float:
-    """Return the nats by which a larger model is better than a smaller one, beyond ``SearchSettings.min_gain_nats``.
-
-    It is minus infinity if the held-out pixels are not likelier with the larger model.
-    """
-    fitter = larger.fitter
-    if fitter.split.held_out.any() and larger.held_out_log_likelihood <= smaller.held_out_log_likelihood:
-        return -math.inf
-    return bic(larger) - bic(smaller) - fitter.settings.min_gain_nats
+    """Return the nats by which a larger model is better than a smaller one, beyond ``SearchSettings.min_gain_nats``."""
+    return bic(larger) - bic(smaller) - larger.fitter.settings.min_gain_nats
 
 
 def prune(fit: Fit, keep: Collection[str], margin: float = 0.0) -> Fit:

@@ -155,8 +155,7 @@ def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure
             _label_decades(axes)
             axes.tick_params(labelbottom=True)
             added = considered.added
-            dropped = ", provisional" if considered.provisional else ""
-            dropped += " (dropped later)" if added and added not in names else ""
+            dropped = " (dropped later)" if added and added not in names else ""
             axes.set_title(f"round {number}: {in_figure(added or 'nothing more is added')}{dropped}", loc="left")
         if len(rounds):
             figure.supxlabel("gain in log-likelihood (nats)", fontsize=9)

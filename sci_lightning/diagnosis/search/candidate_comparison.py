@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import ABANDON_NATS, bic, bic_gain, bic_penalty
+from sci_lightning.diagnosis.fit.information_criterion import ABANDON_NATS, bic_gain, bic_penalty
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
 from sci_lightning.diagnosis.search.probability import evidence_for
 from sci_lightning.diagnosis.search.screening import Candidate, screen
@@ -38,12 +38,14 @@ class CandidateComparison:
             that gain much.
         fits: the model with each candidate that was fitted, by name, on the same pixels.
         screened: all candidates, the most promising first.
+        tried: names of those whose fits were begun; what cannot catch up with another one is abandoned.
     """
 
     screener: Fitter
     best: Fit
     fits: Mapping[str, Fit]
     screened: tuple[Candidate, ...]
+    tried: Collection[str]
 
     def gains(self) -> dict[str, tuple[float, float]]:
         """Return the nats that each fit gained, by name: on all pixels, and on held-out ones."""
@@ -76,22 +78,13 @@ class CandidateComparison:
 
     def with_others(self, refused: Collection[str]) -> CandidateComparison:
         """Return a comparison of the most promising ones among the candidates that have not been refused."""
-        fits = fit_candidates(self.best, [candidate for candidate in self.screened if candidate.name not in refused])
-        return CandidateComparison(self.screener, *_with_common_border(self.best, fits), self.screened)
+        others = [candidate for candidate in self.screened if candidate.name not in refused]
+        fits, tried = fit_candidates(self.best, others)
+        return CandidateComparison(self.screener, *_with_common_border(self.best, fits), self.screened, tried)
 
     def gain_of(self, name: str | None) -> float:
         """Return the gain of a candidate by the information criterion, in nats; 0 of None."""
         return 0.0 if name is None else self._bic_gains[name]
-
-    def unconfirmed(self, least: float) -> str | None:
-        """Return the candidate of the largest gain among those that held-out pixels do not confirm.
-
-        None if no gain exceeds ``least``.
-        """
-        unconfirmed = [name for name, gain in self._bic_gains.items() if gain == -math.inf]
-        before = bic(self.best)
-        gains = {name: bic(self.fits[name]) - before - self._handicap[name] for name in unconfirmed}
-        return max((name for name in unconfirmed if gains[name] > least), key=gains.__getitem__, default=None)
 
     def leaves_out_much(self, whole: Fitter) -> bool:
         """Whether many of the pixels that the model without the candidates predicts count for none of them."""
@@ -99,14 +92,12 @@ class CandidateComparison:
 
     @cached_property
     def _bic_gains(self) -> dict[str, float]:
-        return {name: bic_gain(self.best, fit) - self._handicap[name] for name, fit in self.fits.items()}
-
-    @cached_property
-    def _handicap(self) -> dict[str, float]:
-        """Nats taken off: an effect that is the same as a plainer one is named only where captures tell them apart."""
-        fitter, present = self.best.fitter, (*self.fits, *self.best.hypothesis.effects)
-        plainer = {name for name in self.fits if fitter.model.effects[name].plainer in present}
-        return {name: fitter.settings.indistinct_nats if name in plainer else 0.0 for name in self.fits}
+        """Gains by name; of two effects that are the same, the one that is not plainer has to gain clearly more."""
+        effects, present = self.best.fitter.model.effects, (*self.fits, *self.best.hypothesis.effects)
+        more, gains = self.best.fitter.settings.indistinct_nats, dict[str, float]()
+        for name, fit in self.fits.items():
+            gains[name] = bic_gain(self.best, fit) - (more if effects[name].plainer in present else 0.0)
+        return gains
 
 
 def compare_candidates(
@@ -124,8 +115,8 @@ def compare_candidates(
     """
     base = covering_starts(best.fitter, best.hypothesis, further, part).repeated(best)
     screened = screen(base, further, part)
-    fits = fit_candidates(base, screened)
-    return CandidateComparison(base.fitter, *_with_common_border(base, fits), tuple(screened))
+    fits, tried = fit_candidates(base, screened)
+    return CandidateComparison(base.fitter, *_with_common_border(base, fits), tuple(screened), tried)
 
 
 def covering_starts(
@@ -151,8 +142,8 @@ def covering_starts(
     )
 
 
-def fit_candidates(best: Fit, screened: list[Candidate]) -> dict[str, Fit]:
-    """Fit the most promising candidates jointly with everything in the model, by name.
+def fit_candidates(best: Fit, screened: list[Candidate]) -> tuple[dict[str, Fit], set[str]]:
+    """Fit the most promising candidates jointly with everything in the model; return the fits, and what was tried.
 
     A candidate whose screened gain is a small part of what it must gain is left out, and so is one whose fit cannot
     reach what another one has reached. Effects that are chosen from a few values, such as turned patterns, are fitted
@@ -164,18 +155,19 @@ def fit_candidates(best: Fit, screened: list[Candidate]) -> dict[str, Fit]:
         screened: candidates, the most promising first.
     """
     fitter = best.fitter
-    settings, fits, reached = fitter.settings, dict[str, Fit](), -math.inf
+    settings, fits, tried, reached = fitter.settings, dict[str, Fit](), set[str](), -math.inf
     first, others = screened[: settings.candidates_fitted], screened[settings.candidates_fitted :]
     for candidate in (*first, *(one for one in others if fitter.model.effects[one.name].is_discrete())):
         price = settings.min_gain_nats + bic_penalty(len(candidate.start), fitter.pixels)
         promising = candidate.gain > max(settings.min_gain_nats, SCREENED_SHARE * price)
         if promising and (not fits or fitter.budget.allows(candidate.name)):
+            tried.add(candidate.name)
             start = candidate.added(fitter.model, best.hypothesis)
             fit = fitter.fit(start, 20, to_reach=reached - ABANDON_NATS, from_afar=True)
             if not fit.abandoned:
                 fits[candidate.name] = fit
                 reached = max(reached, fit.fitted_log_likelihood)
-    return fits
+    return fits, tried
 
 
 def _with_common_border(base: Fit, fits: dict[str, Fit]) -> tuple[Fit, dict[str, Fit]]:

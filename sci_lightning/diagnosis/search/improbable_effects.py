@@ -3,8 +3,8 @@
 Where the vocabulary lacks the true deviation, the search names the effects that come closest to it, and a free-form
 deviation takes what they leave. Probabilities are those of the camera that has names only: what has no name is then
 left in the residuals, clusters of pixels disagree about a name that merely stands in for it, and the name is worth
-little (:mod:`~sci_lightning.diagnosis.search.probability`). The least probable name is withdrawn first, because a
-stand-in beside it makes a right name look doubtful too.
+little (:mod:`~sci_lightning.diagnosis.search.probability`). Beside the free form it must be probable as well. The least
+probable name is withdrawn first, because a stand-in beside it makes a right name look doubtful too.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def names_are_certain(fit: Fit, keep: Collection[str], unnamed: Sequence[Unnamed
 
 
 def name_probabilities(fit: Fit, stay: Collection[str], unnamed: Sequence[Unnamed]) -> Mapping[str, float]:
-    """Return how probable every name is in the camera that has names only.
+    """Return how probable every name is: beside what has no name, or without that if it is less.
 
     Args:
         fit: the model.
@@ -64,11 +64,12 @@ def name_probabilities(fit: Fit, stay: Collection[str], unnamed: Sequence[Unname
         unnamed: those deviations.
     """
     names = [name for name in fit.hypothesis.effects if name not in stay]
-    if not names:
-        return {}
-    named_only = fit_names_only(fit, unnamed) if unnamed else fit
-    errors = cluster_errors(named_only)
-    return {name: evidence_for(named_only, name, errors).probability for name in names}
+    probabilities = dict.fromkeys(names, 1.0)
+    for model in [fit_names_only(fit, unnamed), fit] if names and unnamed else [fit] if names else []:
+        errors = cluster_errors(model)
+        for name in names:
+            probabilities[name] = min(probabilities[name], evidence_for(model, name, errors).probability)
+    return probabilities
 
 
 def without_unnamed(hypothesis: Hypothesis, unnamed: Sequence[Unnamed]) -> Hypothesis:

@@ -11,7 +11,7 @@ import torch
 from sci_lightning.diagnosis.fit.budget import EXCHANGE_SHARE
 from sci_lightning.diagnosis.fit.cluster_errors import LIGHT_LEVELS, cluster_errors, levels_of_light
 from sci_lightning.diagnosis.fit.fit import MIN_LABORATORY_NATS, Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic, bic_gain, prune
+from sci_lightning.diagnosis.fit.information_criterion import bic, prune
 from sci_lightning.diagnosis.model.camera_model import Hypothesis, ParameterName, datasheet_noise
 from sci_lightning.diagnosis.search.candidate_comparison import CandidateComparison, compare_candidates
 from sci_lightning.diagnosis.search.displacement import far_displacements
@@ -26,9 +26,8 @@ LABORATORY_ITERATIONS = 6
 """Iterations of the fit that shows whether the laboratory has errors; it starts from a fitted model without them."""
 MIN_PROBABLE_NATS = 10.0
 """Nats without which no effect can be more probable than not: the prior asks for four, its numbers for several more."""
-PROVISIONAL_NATS = 100.0
-"""Gain beyond the criterion's penalty from which an effect is added provisionally that held-out pixels do not confirm;
-small ones are nearly always chance. Below it, effects are compared once more with narrow borders."""
+WEAK_NATS = 100.0
+"""Gain below which effects are compared once more with narrow borders."""
 MOST_LOST_SHARE = 0.1
 """Part of the nats that another noise gains at some levels of light which it may lose at others."""
 WEAK_START_SHARE = 0.1
@@ -44,32 +43,27 @@ class Round:
         screened: nats that every candidate was expected to gain, by name.
         fitted: nats that the fitted candidates gained in a joint fit, by name: on all pixels, and on held-out ones.
         added: the candidate that was added; None when none was worth its parameters.
-        provisional: whether it was added although held-out pixels did not confirm it, see :func:`select_effects`.
         probabilities: of the candidates that were fitted, by name, where none was added.
     """
 
     screened: dict[str, float]
     fitted: dict[str, tuple[float, float]]
     added: str | None
-    provisional: bool = False
     probabilities: Mapping[str, float] = field(default_factory=dict)
 
 
 def select_effects(
     whole: Fitter, start: Hypothesis, on_progress: OnProgress = lambda message: None
 ) -> tuple[Fit, list[Round]]:
-    """Select effects forward by the information criterion, confirmed by held-out pixels, and prune them backwards.
+    """Select effects forward by the information criterion and by their probabilities, and prune them backwards.
 
-    Every round adds the effect whose joint fit gains most and refits everything. The noise is refitted every round too,
-    so that it absorbs what is not explained yet and gives it back later. Where held-out pixels confirm no effect, one
-    that gains much is added provisionally: beside several deviations, a right name alone may predict other captures
-    worse. It stays if another one follows, and the two together pass the test that it failed alone. Strong candidates
-    leave out much at the sides of the field, because nobody knows what lies beyond it; where none of them gains much,
-    weak ones are looked for, which need narrower borders.
+    Every round adds the effect whose joint fit gains most, among those that are more probable than not, and refits
+    everything. The noise is refitted every round too, so that it absorbs what is not explained yet and gives it back
+    later. Strong candidates leave out much at the sides of the field, because nobody knows what lies beyond it; where
+    none of them gains much, weak ones are looked for, which need narrower borders.
 
     All errors of a laboratory together are a candidate, too. Where they gain most they stay in every further model, and
-    the effects that had to imitate them go. Then captures agree about nothing exactly, nats are too many, and an effect
-    has to be probable as well.
+    the effects that had to imitate them go.
 
     Args:
         whole: fits hypotheses to the captures.
@@ -81,56 +75,49 @@ def select_effects(
     """
     best = whole.covering(start).fit(start, iterations=30)
     rounds, settings, keep = list[Round](), whole.settings, {*start.effects, *whole.model.imperfections}
-    confirmed: Fit | None = None  # the model before an effect that was added provisionally
     for _ in range(settings.max_effects):
         if rounds and not whole.budget.allows("further effects"):
             break
         comparison = compare_candidates(best, far_displacements(best))
-        added = comparison.winner()
-        if comparison.gain_of(added) < PROVISIONAL_NATS and comparison.leaves_out_much(whole):
+        gain = comparison.gain_of(comparison.winner())
+        if gain < WEAK_NATS and comparison.leaves_out_much(whole):
             narrow = whole.covering(best.hypothesis)
             near = compare_candidates(narrow.repeated(best), part=WEAK_START_SHARE)
-            weak = near.winner()
             # one that gains more there is a matter of some pixels at the sides, which are localised in the end
-            if comparison.gain_of(added) < near.gain_of(weak) < PROVISIONAL_NATS:
-                comparison, added = near, weak
+            if gain < near.gain_of(near.winner()) < WEAK_NATS:
+                comparison = near
+        comparison, added = most_probable(comparison)
         if (in_laboratory := with_laboratory(comparison.best, comparison.gain_of(added))) is not None:
             on_progress("errors of exposures and targets become part of every model")
-            best, confirmed = prune(in_laboratory, keep), None
+            best = prune(in_laboratory, keep)
             continue
-        if comparison.best.in_laboratory:
-            comparison, added = most_probable(comparison)
-        best, fits = comparison.best, comparison.fits
-        if provisional := added is None and confirmed is None and not best.in_laboratory:
-            added = comparison.unconfirmed(PROVISIONAL_NATS)
-        gains = comparison.gains()
         screened_gains = {candidate.name: candidate.gain for candidate in comparison.screened}
         probabilities = comparison.probabilities() if added is None else {}
-        rounds.append(Round(screened_gains, gains, added, provisional and added is not None, probabilities))
+        rounds.append(Round(screened_gains, comparison.gains(), added, probabilities))
+        best = comparison.best
         if added is None:
             break
-        on_progress(f"{added}: {gains[added][0]:.0f} nats{', provisionally' if provisional else ''}")
-        needed = comparison.screener.covering(fits[added].hypothesis)
-        larger = needed.repeated(fits[added])
-        if confirmed is not None and bic_gain(needed.repeated(confirmed), larger) <= 0:
+        on_progress(f"{added}: {comparison.gains()[added][0]:.0f} nats")
+        larger = comparison.fits[added]
+        best = prune(comparison.screener.covering(larger.hypothesis).repeated(larger), keep)
+        if added not in best.hypothesis.effects:  # the same would be added again
             break
-        confirmed = best if provisional else None
-        best = larger
-        if not provisional:
-            best = prune(larger, keep)
-    return exchange(confirmed or best, keep), rounds
+    return exchange(best, keep), rounds
 
 
 def most_probable(comparison: CandidateComparison) -> tuple[CandidateComparison, str | None]:
     """Return the best candidate that is more probable than not, and the comparison in which it is; None if none is.
 
     Where captures disagree, much likelihood may be gained by what is improbable, and candidates that gain less follow.
+    In a laboratory all that promise anything follow: screening leaves the sizes of its errors as they are, which have
+    grown by what an effect that they imitate would gain.
     """
     refused, budget = set[str](), comparison.best.fitter.budget
     while (added := comparison.most_probable()) is None and budget.allows("improbable effects"):
-        if max((gain for gain, _ in comparison.gains().values()), default=0.0) < MIN_PROBABLE_NATS:
+        largest = max((gain for gain, _ in comparison.gains().values()), default=0.0)
+        refused.update(comparison.tried)
+        if not comparison.tried or (largest < MIN_PROBABLE_NATS and not comparison.best.in_laboratory):
             break
-        refused |= comparison.fits.keys()
         comparison = comparison.with_others(refused)
     return comparison, added
 
