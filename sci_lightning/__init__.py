@@ -23,8 +23,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what type checkers and editors see; at run time PUBLIC_NAMES says where a name is found
+    from sci_lightning import data, metrics
     from sci_lightning import decoder as decoders
-    from sci_lightning import metrics
     from sci_lightning.captures import read_captures
     from sci_lightning.captures.pack import pack_captures
     from sci_lightning.cli.notebook import command, design_mask, evaluate, load_decoder, tables, train
@@ -63,6 +63,7 @@ PUBLIC_NAMES = {
     "SnapshotOperator": "operator:SnapshotOperator",
     "VirtualCamera": "virtual_camera:VirtualCamera",
     "command": "cli.notebook:command",
+    "data": "data",
     "decoders": "decoder",
     "design_mask": "cli.notebook:design_mask",
     "diagnose": "diagnosis:diagnose",
@@ -100,6 +101,7 @@ __all__ = [
     "VirtualCamera",
     "__version__",
     "command",
+    "data",
     "decoders",
     "design_mask",
     "diagnose",

@@ -23,7 +23,7 @@ class Synthetic:
     Args:
         frames: T, the number of frames in one snapshot.
         size: ``(H, W)`` in pixels, the mask's full size, in which scenes are rendered.
-        crop: ``(h, w)`` in pixels, the size of training clips.
+        crop: ``(h, w)`` in pixels, the size of training clips; None for the full one.
         seed: decides all random choices in the training clips; the scenes are the same for every seed.
         clips_per_epoch: ``len`` of the training clips.
         scenes_count: number of held-out scenes.
@@ -39,7 +39,7 @@ class Synthetic:
         self,
         frames: Frames,
         size: Size,
-        crop: Size,
+        crop: Size | None = None,
         seed: Seed = 0,
         *,
         clips_per_epoch: Repeats = 1000,
@@ -49,7 +49,7 @@ class Synthetic:
     ) -> None:
         self.frames = frames
         self.size = size
-        self.crop = crop
+        self.crop = crop = size if crop is None else crop
         self.seed = seed
         self.clips_per_epoch = clips_per_epoch
         self.scenes_count = scenes_count

@@ -28,7 +28,14 @@ def bic_penalty(parameters: int, pixels: float) -> float:
 
 
 def bic_gain(smaller: Fit, larger: Fit) -> float:
-    """Return the nats by which a larger model is better than a smaller one, beyond ``SearchSettings.min_gain_nats``."""
+    """Return the nats by which a larger model is better than a smaller one, beyond ``SearchSettings.min_gain_nats``.
+
+    In a laboratory it is minus infinity if the held-out captures are not likelier with the larger model: where every
+    capture has errors of its own, only other captures say whether they have something in common.
+    """
+    held_out = larger.held_out_log_likelihood - smaller.held_out_log_likelihood
+    if larger.in_laboratory and larger.fitter.split.held_out.any() and held_out <= 0:
+        return -math.inf
     return bic(larger) - bic(smaller) - larger.fitter.settings.min_gain_nats
 
 
