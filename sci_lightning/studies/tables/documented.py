@@ -54,20 +54,18 @@ def mismatch(path: str | Path, part: str) -> DocumentedTable:
 
     Args:
         path: a folder of records.
-        part: empty: all cameras; else the beginning of the cameras' names: ``published``, ``drawn`` or ``alone``.
+        part: must be empty.
 
     Raises:
-        BadInput: a file that is no record, or no record of this part.
+        BadInput: a file that is no record, or a part.
     """
-    present = read_records(path) if Path(path).is_dir() else []
-    records = [record for record in present if record["camera"].startswith(part)]
-    if Path(path).is_dir() and not records:
-        raise BadInput(f"{path}: no records of {part or 'any'} cameras; copy cases/ of a run into it")
+    _without_parts("mismatch", part)
+    records = read_records(path) if Path(path).is_dir() else []
     return _of_records(records, summary_table(records, published=True))
 
 
 def blind_mismatch(path: str | Path, part: str) -> DocumentedTable:
-    """Return what blind diagnoses are worth: PSNR in dB with and without one factor of brightness, and the names.
+    """Return what blind diagnoses are worth: PSNR in dB but for one factor of brightness, and the names.
 
     Args:
         path: a folder of records of the mismatch protocol.
