@@ -29,7 +29,6 @@ from sci_lightning.studies.tables.documented_paper import paper_table
 from sci_lightning.studies.tables.grid import DocumentedTable
 from sci_lightning.virtual_camera import OTHER_FIELDS
 
-
 LEFT_OUT = ("GFLOP/s", "of matmul")
 """Columns of benchmarks that pages have no room for."""
 
