@@ -4,7 +4,7 @@
 # interrupted in whatever way, the same line goes on; make smoke-tables: every row for seconds, no figures;
 # make relay: a lease of this machine's GPU for the large trainings that docs/results/relay.json wants next (LEASE=540 seconds, FOOTAGE=../shared/data);
 # make speedrun CLIPS=.. VALIDATION=.. SCENES=..: the best recipe of half an hour on two cores; interrupted, the same line goes on
-# make benchmark: measure the figures of docs/results/decoder-cost.md anew, seven minutes of an otherwise idle machine
+# make benchmark: measure the figures of docs/results/decoder-cost.md anew, minutes of an otherwise idle machine
 # make documentation: write the measured tables of README.md and docs/ from docs/results/
 # make lock: write requirements.lock, the tested versions with the hashes of their files, from pyproject.toml and constraints.txt
 PYTHON ?= python3
@@ -47,20 +47,14 @@ relay: $(READY)
 	$(BIN)/python -m sci_lightning.tables.relay $(if $(LEASE),seconds=$(LEASE)) $(if $(FOOTAGE),footage=$(FOOTAGE)) \
 	  $(if $(ARCHIVE),archive=$(ARCHIVE)) $(if $(TAKE),take=$(TAKE))
 
-# REPEATS=1 is quicker and less exact; TRAINED=RUN/checkpoints/last.ckpt in place of a minute of training
+# REPEATS=1 is quicker and less exact
 benchmark: REPEATS ?= 3
-benchmark: TRAINED ?= outputs/benchmark/trained/checkpoints/last.ckpt
 benchmark: MEASURE = $(BIN)/python -m sci_lightning.benchmark repeats=$(REPEATS)
 benchmark: $(READY)
 	$(MEASURE) decoder=all 'only=[birnat,e2e_cnn,efficientsci,res2former,revsci,stformer]' size=128 out=outputs/benchmark/forward_128
-	$(MEASURE) decoder=all 'only=[e2e_cnn,res2former,revsci,stformer]' size=64 out=outputs/benchmark/forward_64
-	$(MEASURE) decoder=e2e_cnn size=64 training=4 out=outputs/benchmark/training_e2e_cnn
 	$(MEASURE) decoder=res2former size=64 training=1 out=outputs/benchmark/training_res2former
-	$(MEASURE) decoder=all 'only=[birnat,res2former,revsci,stformer]' reduced=cpu size=64 training=4 out=outputs/benchmark/training_reduced
-	test -f $(TRAINED) || $(BIN)/python -m sci_lightning.train experiment=quickstart trainer.max_epochs=1 out=outputs/benchmark/trained
-	$(MEASURE) ckpt_path=$(TRAINED) out=outputs/benchmark/trained_e2e_cnn
 	mkdir -p docs/results/benchmark
-	for folder in forward_128 forward_64 training_e2e_cnn training_res2former training_reduced trained_e2e_cnn; do \
+	for folder in forward_128 training_res2former; do \
 	  cp outputs/benchmark/$$folder/benchmark.json docs/results/benchmark/$$folder.json || exit 1; done
 
 documentation: $(READY)

@@ -29,6 +29,9 @@ from sci_lightning.studies.tables.documented_paper import paper_table
 from sci_lightning.studies.tables.grid import DocumentedTable
 from sci_lightning.virtual_camera import OTHER_FIELDS
 
+LEFT_OUT = ("GFLOP/s", "of matmul")
+"""Columns of benchmarks that pages have no room for."""
+
 
 def benchmark(path: str | Path, part: str) -> DocumentedTable:
     """Return a table of a file that ``python -m sci_lightning.benchmark`` wrote.
@@ -44,9 +47,11 @@ def benchmark(path: str | Path, part: str) -> DocumentedTable:
     present = tables(measured.as_json())
     if part not in present:
         raise BadInput(f"{path}: no table benchmark.{part}; choose benchmark.{', benchmark.'.join(present)}")
-    heading, *body = present[part]
-    decoded = [f"Decoded: {measured.scene}, {measured.weights}."] if part == "forward" else []
-    return DocumentedTable(heading, body, measured.provenance, decoded)
+    heading, *body = [
+        [cell for title, cell in zip(present[part][0], row, strict=True) if title not in LEFT_OUT]
+        for row in present[part]
+    ]
+    return DocumentedTable(heading, body, measured.provenance)
 
 
 def mismatch(path: str | Path, part: str) -> DocumentedTable:
@@ -54,20 +59,18 @@ def mismatch(path: str | Path, part: str) -> DocumentedTable:
 
     Args:
         path: a folder of records.
-        part: empty: all cameras; else the beginning of the cameras' names: ``published``, ``drawn`` or ``alone``.
+        part: must be empty.
 
     Raises:
-        BadInput: a file that is no record, or no record of this part.
+        BadInput: a file that is no record, or a part.
     """
-    present = read_records(path) if Path(path).is_dir() else []
-    records = [record for record in present if record["camera"].startswith(part)]
-    if Path(path).is_dir() and not records:
-        raise BadInput(f"{path}: no records of {part or 'any'} cameras; copy cases/ of a run into it")
+    _without_parts("mismatch", part)
+    records = read_records(path) if Path(path).is_dir() else []
     return _of_records(records, summary_table(records, published=True))
 
 
 def blind_mismatch(path: str | Path, part: str) -> DocumentedTable:
-    """Return what blind diagnoses are worth: PSNR in dB with and without one factor of brightness, and the names.
+    """Return what blind diagnoses are worth: PSNR in dB but for one factor of brightness, and the names.
 
     Args:
         path: a folder of records of the mismatch protocol.
