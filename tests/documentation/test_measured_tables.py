@@ -52,6 +52,8 @@ def test_a_page_shows_what_its_files_say(page: Path) -> None:
 def test_every_file_of_measurements_is_shown_and_follows_its_schema() -> None:
     shown = {path for _, _, path in table_sources(ROOT)}
     for path in (ROOT / "docs" / "results").rglob("*.json"):
+        if path.name == "relay.json":  # a queue; what its trainings reach is kept below tables/
+            continue
         assert shown & {path, *path.parents}, f"{name(path)} is in no table"
         content = json.loads(path.read_text())
         if content.get("format") == "sci-measurements":
@@ -142,12 +144,11 @@ def test_tables_of_the_paper_show_the_rows_that_are_kept(clone: Path, made: Made
         kept.parent.mkdir(parents=True, exist_ok=True)
         kept.write_text(json.dumps(content))
     text = updated(page, clone)
-    row = "| Res2former | RSw/SR, 4 bits | 1,000 | 16,000 | "
-    scores = " % | 30.50 ± 0.71, 0.762 ± 0.018, 45.50 ± 0.71 | 34.95, 0.965, 52.85 | 2 | an abacus |"
+    row = "| Res2former | RSw/SR, 4 bits | 1,000 | "
+    scores = " % | 30.50 ± 0.71, 0.762 ± 0.018, 45.50 ± 0.71 | 34.95, 0.965, 52.85 | 2 |"
     assert row in text and scores in text and "2026-11-22 to 2026-11-24" in text and "seeds: 0, 1." in text
-    for part, shown in (("claims", "4-bit | (paper +1.03)"), ("verdicts", "4 not yet run")):
-        page.write_text(MARKER.replace("measurements", f"paper.{part}").replace("a.json", "tables/cpu"))
-        assert shown in updated(page, clone)
+    page.write_text(MARKER.replace("measurements", "paper.verdicts").replace("a.json", "tables/cpu"))
+    assert "4 not yet run" in updated(page, clone)
     page.write_text(MARKER.replace("measurements", "paper.published").replace("a.json", "tables"))
     assert row not in updated(page, clone)  # of a small budget
     kept.write_text(json.dumps(content).replace('"scale": "cpu"', '"scale": "gpu30"'))
@@ -161,12 +162,12 @@ def test_tables_of_the_paper_show_the_rows_that_are_kept(clone: Path, made: Made
 
 
 def test_every_row_says_what_it_took() -> None:
-    """Network, camera, parameters, clips, computation, scores, seeds and machine, and below the command."""
+    """Network, camera, parameters, computation, scores and seeds, and below the command."""
     for page in pages(ROOT):
         for match in MARKED.finditer(page.read_text()):
             if match["kind"] in ("paper.rows", "paper.published"):
                 rows = re.findall(r"^\| (?!---|network)(.*) \|$", match["body"], re.M)
-                empty = [row for row in rows if not all(cell.strip() for cell in row.split(" | ")[:6])]
+                empty = [row for row in rows if not all(cell.strip() for cell in row.split(" | ")[:5])]
                 assert rows and not empty, f"{name(page)}: {empty}"
                 assert "Made by `python -m" in match["body"], f"{name(page)}: {match['kind']} names no command"
 

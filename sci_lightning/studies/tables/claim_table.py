@@ -21,12 +21,11 @@ VERDICTS = ("reproduced", "sign only", "contradicted", "undecided", "not testabl
 SIDES = {"reproduced": 1, "sign only": 1, "contradicted": -1}
 NAMES = dict(zip(METRICS, ("PSNR", "SSIM", "Q-Score"), strict=True))
 NOTE = (
-    "A verdict is on a contrast, in all metrics together in which the paper's own columns show it. Reproduced: every "
-    "interval lies on the claim's side and holds the paper's difference. Sign only: every interval lies on the claim's "
-    "side, but not all of them hold the paper's difference. Contradicted: every interval lies on the other side. Not "
-    "testable here: a control that the claim needs has not been run, or the networks that it compares are not the "
-    "published ones. Where there are controls, all must be decided to the same side. On these scenes: would other "
-    "trainings, tested on the same scenes, have the same sign? On other scenes: on scenes drawn like these as well?"
+    "A verdict is on a contrast, in all metrics in which the paper's columns show it. Reproduced: every interval lies "
+    "on the claim's side and holds the paper's difference; sign only: not all of them hold it. Contradicted: every "
+    "interval lies on the other side. Not testable here: a control has not been run, or the networks are not the "
+    "published ones. All controls must be decided to the same side. On these scenes: for other trainings; on other "
+    "scenes: for other scenes drawn like these as well."
 )
 SEEDS_NOTE = (
     "The spread of the seeds is pooled over all rows with several, apart for rows tested through their own encoder and "
@@ -103,8 +102,8 @@ def verdict_table(
 
 def _looks(paper: Mapping[str, Any]) -> str:
     return (
-        f"Up to {paper['looks']} looks are planned, one for each seed that is added. The intervals hold at all of them "
-        f"together: whenever one stops, at most {1 - CONFIDENCE:.0%} decide falsely."
+        f"Up to {paper['looks']} looks are planned, one for each seed that is added. At all of them together, at most "
+        f"{1 - CONFIDENCE:.0%} decide falsely."
     )
 
 

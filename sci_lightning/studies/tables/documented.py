@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 from sci_lightning.errors import BadInput
 from sci_lightning.files.json_file import JsonFile, JsonObject, Number, read_json, says
-from sci_lightning.plain_text import in_markdown
 from sci_lightning.runs.provenance import NOT_YET, Provenance, joined
 from sci_lightning.studies.benchmark.benchmark_file import Benchmark
 from sci_lightning.studies.benchmark.table import tables
@@ -24,7 +23,6 @@ from sci_lightning.studies.mismatch.summary import finetuning_table, summary_tab
 from sci_lightning.studies.proving_ground.outcome import Outcome
 from sci_lightning.studies.proving_ground.report import ANSWERS, Summary
 from sci_lightning.studies.proving_ground.summary import summarise
-from sci_lightning.studies.relay.relay_queue import RelayQueue
 from sci_lightning.studies.tables.documented_paper import paper_table
 from sci_lightning.studies.tables.grid import DocumentedTable
 from sci_lightning.virtual_camera import OTHER_FIELDS
@@ -147,39 +145,6 @@ def _cell(value: Cell | None, column: Column, path: str | Path) -> str:
     return " / ".join(f"{number:,.{places}f}" for number, places in zip(values, digits, strict=True))
 
 
-def relay(path: str | Path, part: str) -> DocumentedTable:
-    """Return what the relay's queue wants and what its trainings have got, with the PSNR after every lease.
-
-    Args:
-        path: of the queue (in the format ``RelayQueue``).
-        part: must be empty.
-
-    Raises:
-        BadInput: another format, or a part.
-    """
-    _without_parts("relay", part)
-    trainings = read_json(path, RelayQueue).trainings
-    rows = []
-    for one in trainings:
-        got = sum(lease.seconds for lease in one.leases)
-        curve = ", ".join(f"{lease.mean['psnr']:.2f}" for lease in one.leases if "psnr" in lease.mean)
-        rows.append([in_markdown(one.what), f"{one.wanted:,.0f}", f"{got:,.0f}", str(len(one.leases)), curve])
-    leases = [lease for one in trainings for lease in one.leases]
-    origins = [
-        Provenance(
-            machine=lease.machine,
-            date=lease.date,
-            commit=lease.commit,
-            scale="relay",
-            seeds="0",
-            command="python -m sci_lightning.tables.relay",
-        )
-        for lease in leases
-    ]
-    heading = ["training", "wanted (s)", "got (s)", "leases", "PSNR after each lease (dB)"]
-    return DocumentedTable(heading, rows, joined(origins) if origins else NOT_YET)
-
-
 PROVING_GROUND = ("summary", "outside", "rays")
 
 
@@ -262,6 +227,5 @@ KINDS: dict[str, Callable[[Path, str], DocumentedTable]] = {
     "mismatch": mismatch,
     "paper": paper_table,
     "proving_ground": proving_ground,
-    "relay": relay,
 }
 """The kinds by the names that pages use."""

@@ -1,7 +1,7 @@
 """The rows of the paper's tables that are kept, with what each took, and verdicts on the paper's claims.
 
-``paper.rows`` are those of one folder, ``paper.published`` those of published networks in all folders, ``paper.claims``
-every contrast of the claims, ``paper.verdicts`` a line for each claim.
+``paper.rows`` are those of one folder, ``paper.published`` those of published networks in all folders,
+``paper.verdicts`` a line for each claim.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from typing import Any
 
 from sci_lightning.errors import BadInput
 from sci_lightning.plain_text import in_markdown
-from sci_lightning.runs.provenance import BETWEEN, NOT_YET, Provenance, joined
-from sci_lightning.studies.tables.claim_table import claim_table, verdict_table
+from sci_lightning.runs.provenance import NOT_YET, Provenance, joined
+from sci_lightning.studies.tables.claim_table import verdict_table
 from sci_lightning.studies.tables.cost import share_of_paper
 from sci_lightning.studies.tables.grid import DocumentedTable
 from sci_lightning.studies.tables.line import Line, lines_of
 from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.run import ScoredRun, find_runs
-from sci_lightning.studies.tables.score_table import MASK_NOTE, MASK_SCORE, SCORES, scores, seeds
+from sci_lightning.studies.tables.score_table import SCORES, scores, seeds
 
 ENCODERS = {
     ("rbw_osr", "rbw_osr"): "RBw/oSR",
@@ -33,11 +33,10 @@ ENCODERS = {
     ("lsw_index_sr", "lsw_index_sr"): "LSw/SR, one index per pixel",
 }
 """Cameras, by the encoders of training and test; the last two are controls of ours."""
-ROWS = ["network", "camera", "parameters", "clips seen", "computation", f"ours: {SCORES}", "the paper's", "seeds",
-        "trained on"]  # fmt: skip
+ROWS = ["network", "camera", "parameters", "computation", f"ours: {SCORES}", "the paper's", "seeds"]
 NOTE = (
-    "Clips: of 8 frames. Computation: 6 x multiply-accumulates x clips, as a part of the published. Behind ±: the "
-    "standard deviation over the seeds."
+    "Computation: 6 x multiply-accumulates x clips seen, as a part of the published. Behind ±: the standard deviation "
+    "over the seeds."
 )
 SMALL_BUDGETS = "cpu"
 """How the names of scales begin whose rows are a study of masks and recipes, and not of the published networks."""
@@ -49,8 +48,8 @@ def paper_table(path: str | Path, part: str) -> DocumentedTable:
     Args:
         path: the folder, such as ``docs/results/tables/cpu``; for ``published`` the one above. As long as it is not
             there, the table is empty.
-        part: ``rows``, ``published``, ``claims`` (every contrast) or ``verdicts`` (a line for each claim); for the last
-            two, what lies in the folders beside ``path`` are controls.
+        part: ``rows``, ``published`` or ``verdicts`` (a line for each claim); for the last, what lies in the folders
+            beside ``path`` are controls.
 
     Raises:
         BadInput: another part, or a file of no use.
@@ -58,20 +57,18 @@ def paper_table(path: str | Path, part: str) -> DocumentedTable:
     path, paper = Path(path), paper_figures()
     if part == "published":
         folders = [runs for folder in _folders(path) if (runs := _runs(folder)) and not _is_small(runs)]
-    elif part in ("rows", "claims", "verdicts"):
+    elif part in ("rows", "verdicts"):
         folders = [_runs(path)]
     else:
-        raise BadInput(f"paper.{part}: no such table; choose one of rows, published, claims, verdicts")
+        raise BadInput(f"paper.{part}: no such table; choose one of rows, published, verdicts")
     runs = [run for folder in folders for run in folder]
-    if part in ("claims", "verdicts"):
+    if part == "verdicts":
         others = [run for folder in _folders(path.parent) if folder != path for run in _runs(folder)]
-        grid = (claim_table if part == "claims" else verdict_table)(paper, runs, None, others)
-        heading, rows, notes = grid.heading, grid.rows, grid.notes
+        grid = verdict_table(paper, runs, None, others)
+        heading, *rows = [[claim, *verdicts] for claim, _, *verdicts, _ in (grid.heading, *grid.rows)]
+        notes = grid.notes
     else:
         heading, rows, notes = ROWS, [row for folder in folders for row in _rows(paper, folder)], [NOTE]
-        if part == "rows" and any(run.mask_score is not None for run in runs):
-            heading, notes = [*ROWS, MASK_SCORE], [NOTE, MASK_NOTE]
-        rows = [row[: len(heading)] for row in rows]
     texts = [[in_markdown(cell) for cell in row] for row in (heading, *rows)]
     return DocumentedTable(texts[0], texts[1:], _provenance(runs), [in_markdown(note) for note in notes])
 
@@ -109,19 +106,14 @@ def _rows(paper: Mapping[str, Any], runs: Sequence[ScoredRun]) -> list[list[str]
         camera = ENCODERS.get((str(fields["encoder"]), str(fields["test_encoder"])), str(fields["encoder"]))
         bits = "" if "RBw" in camera else f"{fields['bits']} bit{'s' * (fields['bits'] != 1)}"
         camera = ", ".join([camera, *filter(None, [bits]), *first.variant])
-        clips = sorted(run.clips_seen for run in line.runs if run.clips_seen is not None)
-        score = [run.mask_score for run in line.runs if run.mask_score is not None]
         rows[line.decoder, camera] = [
             names.get(line.decoder, line.decoder),
             camera,
             f"{first.parameters:,}",
-            " to ".join(f"{count:,}" for count in dict.fromkeys([*clips[:1], *clips[-1:]])),
             _computation(paper, line),
             scores(line.mean(), line.spread()),
             scores(line.paper),
             seeds(line.runs),
-            _machines(line.runs),
-            f"{statistics.fmean(score):.2f}" if score else "",
         ]
     return list(rows.values())
 
@@ -135,12 +127,6 @@ def _computation(paper: Mapping[str, Any], line: Line) -> str:
         if line.decoder in macs and (share := share_of_paper(run, 1e9 * macs[line.decoder])) is not None
     ]
     return f"{100 * statistics.fmean(shares):.2g} %" if shares else ""
-
-
-def _machines(runs: Sequence[ScoredRun]) -> str:
-    """The processors that trained, without what else their provenance says."""
-    machines = [machine for run in runs if run.provenance for machine in run.provenance.machine.split(BETWEEN)]
-    return " and ".join(dict.fromkeys(machine.partition(", x86_64")[0] for machine in sorted(machines)))
 
 
 def _provenance(runs: Sequence[ScoredRun]) -> Provenance:

@@ -63,7 +63,8 @@ RATES = {
 """Rates by device. ``core``: a core of an AMD EPYC that multiplies bfloat16, of the first rows in
 ``docs/results/tables/cpu`` (RBw/oSR, of Res2former LSw/SR with 4 bits), the last half of what two threads reach in
 ``docs/results/benchmark/training_res2former.json``. ``h100``: an NVIDIA H100 kept busy by several trainings; E2E-CNN at
-256 x 256 pixels by four (``docs/results/gpu-recipe.json``), 64 x 64 by sixteen (``docs/results/cuda-graph.json``)."""
+256 x 256 pixels by four (as in ``docs/results/tables/gpu30_7_minutes``), 64 x 64 by sixteen
+(``docs/results/cuda-graph.json``)."""
 
 ALIKE = 10.0
 """Times more or less work a clip with which a rate still holds: smaller clips and narrower networks are slower."""

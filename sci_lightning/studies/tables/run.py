@@ -74,7 +74,6 @@ class ScoredRun:
         seconds: to decode one measurement.
         device: on which it was decoded.
         training_steps: of the optimiser; None where the run did not record them.
-        clips_seen: in the whole training; None where the run did not record them.
         computation: of the training in operations, 6 for each multiply-accumulate of decoding its clips (one forward
             pass, a backward pass twice as long, two operations each); None where its clips are not known.
         variant: what tells apart runs of the same fields and setting, in words: ``designed start``, ``aperture 1/T``.
@@ -94,7 +93,6 @@ class ScoredRun:
     seconds: float
     device: str
     training_steps: int | None = None
-    clips_seen: int | None = None
     computation: float | None = None
     variant: tuple[str, ...] = ()
     mask_score: float | None = None
@@ -300,7 +298,6 @@ def _run(path: Path, metrics: _Metrics) -> ScoredRun:
         seconds=metrics.seconds_per_measurement,
         device=excerpt(metrics.device),
         training_steps=metrics.training_steps,
-        clips_seen=clips,
         computation=None if clips is None else 6.0 * metrics.macs * part * clips,
         variant=tuple(variant),
         mask_score=metrics.mask_score,
