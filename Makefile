@@ -5,6 +5,7 @@
 # make relay: a lease of this machine's GPU for the large trainings that docs/results/relay.json wants next (LEASE=540 seconds, FOOTAGE=../shared/data);
 # make speedrun CLIPS=.. VALIDATION=.. SCENES=..: the best recipe of half an hour on two cores; interrupted, the same line goes on
 # make benchmark: measure the figures of docs/results/decoder-cost.md anew, minutes of an otherwise idle machine
+# make docs: build the site, docs/_build/html, and execute its notebooks
 # make documentation: write the measured tables of README.md and docs/ from docs/results/
 # make lock: write requirements.lock, the tested versions with the hashes of their files, from pyproject.toml and constraints.txt
 PYTHON ?= python3
@@ -16,7 +17,7 @@ BIN    := $(VENV)/bin
 READY  := $(VENV)/ready
 TOOLS  := $(VENV)/ready-for-tests
 
-.PHONY: train diagnose tables smoke-tables relay speedrun benchmark documentation test lint lock clean
+.PHONY: train diagnose tables smoke-tables relay speedrun benchmark documentation docs test lint lock clean
 
 train: $(READY)
 	$(BIN)/python -m sci_lightning.train experiment=quickstart
@@ -66,6 +67,10 @@ speedrun: $(READY)
 
 test: $(TOOLS) lint
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses 2 --dist loadfile --no-loadscope-reorder
+
+# the site, in docs/_build/html; NOTEBOOKS=off leaves its notebooks as they are, which takes half a minute in place of ten
+docs: $(TOOLS)
+	NOTEBOOKS=$(or $(NOTEBOOKS),force) $(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet docs docs/_build/html
 
 lint: $(TOOLS)
 	$(BIN)/ruff check .

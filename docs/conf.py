@@ -5,13 +5,19 @@ from __future__ import annotations
 import os
 import re
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
+from docutils import nodes
+from docutils.utils.math import latex2mathml
 from sphinx.application import Sphinx
+from sphinx.writers.html5 import HTML5Translator
 
-sys.path.insert(0, str(Path(__file__).parent / "_extension"))
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "docs" / "_extension"))
 
-from sci_lightning import __version__
+from sci_lightning import __version__  # noqa: E402
+from sci_lightning.weights import shipped  # noqa: E402
 
 project = "sci_lightning"
 author = "the sci_lightning authors"
@@ -39,6 +45,7 @@ nb_execution_mode = os.environ.get("NOTEBOOKS", "force")
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 nb_merge_streams = True
+nb_execution_excludepatterns = [] if find_spec("torchvision") else ["tutorials/deepinv*"]  # deepinv imports it
 
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
@@ -46,6 +53,7 @@ autodoc_default_options = {"members": True, "show-inheritance": False}
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 
+html_math_renderer = "mathml"
 html_theme = "pydata_sphinx_theme"
 html_title = "sci_lightning"
 html_static_path = ["_static"]
@@ -63,16 +71,43 @@ html_theme_options = {
 }
 html_sidebars = {"index": []}
 
-PROJECT_PAGES = {"CONTRIBUTING.md": "contributing.md", "SECURITY.md": "security.md", "CHANGELOG.md": "changelog.md"}
-PROJECT_PAGES["README.md"] = "../index.md"
+OUTSIDE = {
+    "reference/contributing": "CONTRIBUTING.md",
+    "reference/security": "SECURITY.md",
+    "reference/changelog": "CHANGELOG.md",
+    **{f"reference/weights-{name}": f"sci_lightning/weights/{name}.md" for name in shipped()},
+}
+"""Pages of the site that stand elsewhere in the repository; in this folder there is an empty file in their place."""
 
 
-def within_the_site(app: Sphinx, page: str, source: list[str]) -> None:
-    """Let links to the pages beside ``docs/`` lead to their places in the site."""
-    for name, place in PROJECT_PAGES.items():
-        source[0] = re.sub(rf"\]\((?:\.\./)+{name}", f"](/reference/{place}", source[0])
+def read(app: Sphinx, page: str, source: list[str]) -> None:
+    """Read a page that stands elsewhere, and let links between pages lead to their places in the site."""
+    file = ROOT / OUTSIDE[page] if page in OUTSIDE else ROOT / "docs" / f"{page}.md"
+    if page in OUTSIDE:
+        source[0] = file.read_text()
+    places = {ROOT / path: f"/{place}.md" for place, path in OUTSIDE.items()} | {ROOT / "README.md": "/index.md"}
+
+    def moved(link: re.Match[str]) -> str:
+        target, place = (file.parent / link[1]).resolve(), link[1]
+        if target in places:
+            place = places[target]
+        elif page in OUTSIDE and target.exists():
+            place = os.path.relpath(target, ROOT / "docs" / "reference")
+        return f"]({place}{link[2] or ''})"
+
+    source[0] = re.sub(r"\]\(([^)#:\s]+)(#[^)\s]*)?\)", moved, source[0])
+
+
+def formula(writer: HTML5Translator, node: nodes.math | nodes.math_block) -> None:
+    """Write a formula as MathML, which browsers draw by themselves: the site needs no other one to be read."""
+    block = isinstance(node, nodes.math_block)
+    source = re.sub(r"\\[bB]igg?[lr]?(?![a-z])", "", node.astext().strip())  # MathML's brackets grow by themselves
+    tree = latex2mathml.tex2mathml(source, as_block=block)
+    writer.body.append(f"<p>{tree}</p>" if block else tree)
+    raise nodes.SkipNode
 
 
 def setup(app: Sphinx) -> None:
     """Register what this site does besides."""
-    app.connect("source-read", within_the_site)
+    app.connect("source-read", read)
+    app.add_html_math_renderer("mathml", inline_renderers=(formula, None), block_renderers=(formula, None))

@@ -11,6 +11,7 @@ from sci_lightning.console import PlainConsole, styled
 from sci_lightning.plain_text import one_printable_line
 
 EXAMPLES = {
+    "demo": "",
     "train": "encoder=lsw_sr decoder=res2former data=folder data.root=CLIPS",
     "evaluate": "ckpt_path=RUN/checkpoints/last.ckpt encoder=rbw_sr data=six_scenes data.root=DIR",
     "tables": "runs=outputs/sweep",
@@ -82,7 +83,7 @@ def print_commands() -> None:
         file = CONF / f"{name.replace(' ', '_').rpartition('.')[2]}.yaml"
         purpose = file.read_text().partition("\n")[0].partition(": ")[2]
         console.say(styled(name), f": {purpose}")
-        console.print(f"  python -m sci_lightning.{name} {example}")
+        console.print(f"  python -m sci_lightning.{name} {example}".rstrip())
     console.print(
         "\nEach takes --help (its configuration and choices) and --cfg job (what it would run with).\n"
         'sci-lightning COMMAND is the same; eval "$(sci-lightning completion)" completes it in bash.'

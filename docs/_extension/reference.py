@@ -1,13 +1,14 @@
 """The generated part of the reference: directives that write down what the package says of itself.
 
-``{commands}`` lists every command with its settings, ``{groups}`` every choice of the configuration, ``{effects}`` every
-effect with its parameters and what it does to a snapshot, ``{formats}`` every JSON format, ``{library}`` the face of the
-library. None takes an argument; each stands alone on a page of ``docs/reference/``.
+``{commands}`` lists every command with its settings, ``{groups}`` every choice of the configuration, ``{effects}``
+every effect with its parameters and what it does to a snapshot, ``{formats}`` every JSON format, ``{library}`` the face
+of the library. None takes an argument; each stands alone on a page of ``docs/reference/``.
 """
 
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -90,12 +91,14 @@ def groups() -> Iterator[str]:
 def effects() -> Iterator[str]:
     """Describe every effect, stage by stage, in the order in which light meets them."""
     known = sorted(vocabulary().values(), key=lambda effect: effect.rank)
-    for stage, base in {"scene": None, **STAGES}.items():
-        about = inspect.cleandoc(base.__doc__ or "").partition("\n\nArgs")[0] if base else "Targets: of the laboratory."
+    targets = "Targets that are not quite what the file says: errors of the laboratory, never part of an encoder."
+    for stage, base in {**STAGES, "scene": None}.items():
+        about = inspect.cleandoc(base.__doc__ or "").partition("\n\nArgs")[0] if base else targets
         yield f"## {stage}\n\n{_markdown(about)}\n"
         for effect in known:
             if effect.stage == stage:
-                yield f"### {effect.name}\n\n{_markdown(inspect.cleandoc(effect.__doc__ or '').partition('Args:')[0])}\n"
+                about = inspect.cleandoc(effect.__doc__ or "").partition("Args:")[0]
+                yield f"### {effect.name}\n\n{_markdown(about)}\n"
                 yield table(("parameter", "unit", "range", "does nothing at"), list(_parameters(effect)))
                 if (picture := _picture(effect)) is not None:
                     yield f"![A snapshot without and with {effect.name}, and the difference]({picture})\n"
@@ -182,14 +185,16 @@ def _word(schema: Mapping[str, Any]) -> str:
 
 def _parameters(effect: type[Effect]) -> Iterator[tuple[str, ...]]:
     for name, about in effect.about.items():
-        span = ", ".join(map(str, about.choices)) or f"{about.low:g} to {about.high:g}"
+        span = f"{about.low:g} to {about.high:g}"
+        if about.choices:
+            few = len(about.choices) < 12
+            span = ", ".join(map(str, about.choices)) if few else f"{about.choices[0]} to {about.choices[-1]}, whole"
         yield f"`{name}`", about.unit, span, "" if about.neutral is None else f"{about.neutral}"
 
 
 def _markdown(text: str) -> str:
     """Return a docstring as Markdown: literals in single backquotes, roles as literals, one paragraph a line."""
-    import re
-
+    text = re.sub(r":math:`([^`]+)`", r"$\1$", text)
     text = re.sub(r":\w+:`~?\.?([^`]+)`", lambda role: f"`{role[1].rpartition('.')[2]}`", text).replace("``", "`")
     return "\n\n".join(
         "\n".join(f"    {line}" for line in part.splitlines()) if part.startswith("    ") else " ".join(part.split())

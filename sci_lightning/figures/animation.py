@@ -26,8 +26,10 @@ GIF_PIXELS, MP4_PIXELS = 12 * 10**6, 50 * 10**6
 OVERVIEW_WIDTH = 1920
 """Pixels."""
 OVERVIEW_FRAMES, OVERVIEW_SNAPSHOTS = 8, 6
-CAPTION = 14
-"""Pixels of height."""
+CAPTION, GAP = 14, 8
+"""Pixels: the height of a caption, and between two pictures."""
+GIF_LEVELS = 64
+"""Of gray, which the eye cannot tell from 256 in a moving picture, and which take three quarters of the room."""
 Video = torch.Tensor | np.ndarray
 """A video, also one that is read from a file as it is needed."""
 
@@ -73,6 +75,23 @@ def write_gif(video: Video, path: str | Path, fps: float = 8.0, white: float = 1
     with atomic_write(path) as temporary:
         next(pictures).save(temporary, save_all=True, append_images=pictures, duration=duration, loop=0)
     return left_out
+
+
+def write_side_by_side(snapshots: torch.Tensor, video: torch.Tensor, path: str | Path, fps: float = 8.0) -> None:
+    """Write a GIF of snapshots ``(N, H, W)`` and, beside each, the frames ``(N, T, H, W)`` decoded from it, in turn."""
+    shown = snapshots / snapshots.quantile(0.99)  # to be seen, not to be measured
+    drawn = []
+    for snapshot, frames in zip(shown, video, strict=True):
+        for slot, frame in enumerate(frames):
+            height, width = frame.shape
+            canvas = Image.new("L", (2 * width + GAP, height + CAPTION), 255)
+            canvas.paste(picture(snapshot), (0, CAPTION))
+            canvas.paste(picture(frame), (width + GAP, CAPTION))
+            ImageDraw.Draw(canvas).text((2, 1), "one snapshot", fill=0)
+            ImageDraw.Draw(canvas).text((width + GAP + 2, 1), f"frame {slot + 1} of {len(frames)} from it", fill=0)
+            drawn.append(canvas.quantize(GIF_LEVELS))
+    with atomic_write(path) as temporary:
+        drawn[0].save(temporary, "GIF", save_all=True, append_images=drawn[1:], duration=1000 / fps, loop=0)
 
 
 def write_mp4(video: Video, path: str | Path, fps: float = 8.0, white: float = 1.0) -> bool:

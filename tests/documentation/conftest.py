@@ -97,6 +97,8 @@ def run_command(stand_ins: Path) -> Run:
             (stand_ins / "outputs").mkdir(exist_ok=True)
             done = subprocess.run([sys.executable, "-m", "tensorboard.main", "--inspect", *arguments], timeout=300)
             assert done.returncode == 0, command
+        elif program == "pip":
+            assert arguments == ["install", "."], "tests/test_wheel.py installs the package"
         elif program == "source":
             assert arguments == [".venv/bin/activate"], "the environment that `make` creates"
         elif (module := split(command)[0]) in ONLY_IMPORTED:

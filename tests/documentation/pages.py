@@ -108,6 +108,8 @@ def reduced(arguments: list[str]) -> list[str]:
         case "proving_ground" if "run=false" not in line:
             small = ["suites=[nothing]", "cases=1", "seeds=1", "size=[32,32]", "slots=[4]", "workers=1"]
             return [module, *overrides, *(small if "out=" in line else ["--cfg", "job"])]
+        case "demo":
+            return [module, *overrides, "snapshots=1", "decoder=linear"]
         case "design_mask":
             return [module, *overrides, "steps=2", "tile=[4,4]", "size=[32,32]"]
         case "tables.mask_ranking":  # tests/studies/tables/test_mask_ranking.py runs it on a few masks

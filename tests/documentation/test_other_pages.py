@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from runpy import run_path
 
-import numpy as np
 import pytest
 import torch
 from PIL import Image
@@ -37,12 +35,8 @@ def test_python(page: Path, stand_ins: Path) -> None:
         assert decoder(torch.rand(2, 16, 16), torch.rand(8, 16, 16)).shape == (2, 8, 16, 16)
 
 
-def test_the_pages_are_there() -> None:
-    assert {"make train", "make diagnose", "make test"} <= set(commands(ROOT / "README.md"))
-    index = (ROOT / "docs" / "index.md").read_text()
-    for page in PAGES[1:]:
-        link = page.relative_to(ROOT / "docs").as_posix()
-        assert link == "index.md" or f"({link})" in index, f"docs/index.md does not list {link}"
+def test_the_first_commands() -> None:
+    assert {"sci-lightning demo", "make train", "make diagnose", "make test"} <= set(commands(ROOT / "README.md"))
 
 
 def test_the_readme_is_short() -> None:
@@ -56,15 +50,6 @@ def test_the_moving_picture() -> None:
     path = ROOT / re.findall(r"^!\[[^]]+\]\((\S+)\)$", (ROOT / "README.md").read_text(), re.MULTILINE)[0]
     with Image.open(path) as picture:
         assert path.suffix == ".gif" and path.stat().st_size < 1.5e6 and picture.n_frames >= 8  # type: ignore[attr-defined]
-
-
-def test_how_the_moving_picture_is_made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    script = run_path(str(ROOT / "docs" / "make_animation.py"))
-    monkeypatch.setitem(script["main"].__globals__, "SIDE", 24)
-    np.savez(tmp_path / "clip.npz", frames=np.random.default_rng(0).integers(0, 256, (30, 40, 50), np.uint8))
-    script["main"](str(tmp_path / "clip.npz"), str(tmp_path / "out.gif"))
-    with Image.open(tmp_path / "out.gif") as picture:
-        assert picture.n_frames == 24 and picture.size == (2 * 24 + 8, 24 + 16)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
