@@ -57,6 +57,10 @@ def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_pat
     assert done.returncode == 0 and "weights=universal" in done.stdout, done.stderr
     assert np.load(outside / "decoded" / "reconstruction.npy").shape == (1, 8, 32, 32)
 
+    show = [sys.executable, "-m", "sci_lightning.demo", "out=demo"]
+    done = subprocess.run(show, cwd=outside, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0 and (outside / "demo" / "demo.gif").stat().st_size > 100_000, done.stderr
+
     where = [sys.executable, "-c", "import sci_lightning.configuration.conf_folder as c; print(c.CONF)"]
     result = subprocess.run(where, cwd=outside, env=environment, capture_output=True, text=True).stdout
     assert result.strip() == str(site / "sci_lightning" / "conf")

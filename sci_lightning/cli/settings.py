@@ -19,6 +19,7 @@ from pydantic import StringConstraints
 
 from sci_lightning.cli.composition import Composition
 from sci_lightning.cli.encoder_file import adapt_to_encoder_files
+from sci_lightning.cli.start import command_module
 from sci_lightning.cli.stored_run import take_over
 from sci_lightning.configuration.arguments import check_arguments, check_value
 from sci_lightning.configuration.bounds import (
@@ -75,9 +76,8 @@ def settings_of(command: str) -> dict[str, Any]:
     Args:
         command: the name of its file in ``conf/``.
     """
-    module = "captures" if command.startswith("captures_") else command
     name = "".join(word.capitalize() for word in command.split("_"))
-    settings = getattr(import_module(f"sci_lightning.cli.commands.{module}"), f"{name}Settings")
+    settings = getattr(import_module(command_module(command)), f"{name}Settings")
     return get_type_hints(settings, include_extras=True)
 
 

@@ -4,6 +4,13 @@ from __future__ import annotations
 
 import signal
 from importlib import import_module
+from importlib.util import find_spec
+
+
+def command_module(command: str) -> str:
+    """Return the module of a command: that of its name, or of what stands before its first underscore."""
+    commands = "sci_lightning.cli.commands"
+    return f"{commands}.{command if find_spec(f'{commands}.{command}') else command.partition('_')[0]}"
 
 
 def start(command: str) -> None:
@@ -15,7 +22,7 @@ def start(command: str) -> None:
     mine = signal.getsignal(signal.SIGINT) == signal.default_int_handler  # else somebody ignores it, or handles it
     if mine:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    module, run = import_module(f"sci_lightning.cli.commands.{command}"), import_module("sci_lightning.cli.command").run
+    module, run = import_module(command_module(command)), import_module("sci_lightning.cli.command").run
     if mine:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if hasattr(module, "main"):

@@ -11,7 +11,7 @@ import torch
 from PIL import Image
 
 from sci_lightning.figures import animation
-from sci_lightning.figures.animation import write_frames, write_gif, write_mp4, write_overview
+from sci_lightning.figures.animation import write_frames, write_gif, write_mp4, write_overview, write_side_by_side
 
 
 @pytest.mark.parametrize(("fps", "milliseconds"), [(8, 120), (50, 20), (0.1, 10_000)])
@@ -28,6 +28,16 @@ def test_a_long_slow_animation_of_one_picture(tmp_path: Path) -> None:
     write_gif(torch.zeros(10, 10, 8, 8), tmp_path / "video.gif", 0.1)
     with Image.open(tmp_path / "video.gif") as gif:
         assert 600_000 < gif.info["duration"] <= 655_350
+
+
+def test_a_snapshot_stands_beside_every_frame_from_it(tmp_path: Path) -> None:
+    video = torch.from_numpy(moving(2, 3, 16, 20))
+    write_side_by_side(video.mean(1), video, tmp_path / "both.gif")
+    with Image.open(tmp_path / "both.gif") as gif:
+        assert gif.n_frames == 6 and gif.size == (2 * 20 + animation.GAP, 16 + animation.CAPTION)
+        gif.seek(4)
+        shown = np.asarray(gif.convert("L"), float)[animation.CAPTION :, -20:] / 255
+    assert abs(shown - video[1, 1].numpy()).max() < 0.03
 
 
 def moving(snapshots: int, slots: int, height: int, width: int) -> np.ndarray:

@@ -50,8 +50,8 @@ def demo(composition: Composition) -> None:
         decoder = load_decoder(composition.choice("decoder"), own)
     frames, size = encoder.mask.frames, encoder.size
     if cfg.video is None:
-        source = Synthetic(frames, size, scenes_count=1, snapshots_per_scene=cfg.snapshots)
-        video = source.scenes()[0].video[: cfg.snapshots]
+        (scene,) = Synthetic(frames, size, scenes_count=1, snapshots_per_scene=cfg.snapshots).scenes()
+        video = torch.stack([scene.video[n] for n in range(cfg.snapshots)])
     else:
         video = load_video(cfg.video, frames, size=size, snapshots=cfg.snapshots)
     console.print(f"{len(video)} snapshots of {frames} frames, {size[0]} x {size[1]} pixels, 8 bits; decoding them ..")

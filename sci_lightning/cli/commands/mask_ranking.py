@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.settings import StudySettings
 from sci_lightning.configuration.bounds import Depth, ExistingPath, Frames, Pixels, Positive, Seed, Width
@@ -59,8 +58,3 @@ def mask_ranking(composition: Composition) -> None:
     shown = [row.model_dump(include={"mask", "score_dB", "psnr_dB"}) for row in rows]
     write_json({**content, "masks": shown}, out / FILE)
     console.print(f"rank correlation of {len(rows)} masks: {rank:.2f} (p = {p_value:.2g}); {out / FILE}")
-
-
-def main() -> None:
-    """Run the command."""
-    run("mask_ranking", mask_ranking)

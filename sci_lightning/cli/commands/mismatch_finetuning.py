@@ -11,7 +11,6 @@ import yaml
 from annotated_types import DocInfo
 from rich.table import Table
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, compose, plain
 from sci_lightning.cli.settings import CommandSettings
 from sci_lightning.configuration.bounds import Repeats
@@ -139,8 +138,3 @@ def _write_ideal_encoder(prepared: PreparedStudy, path: Path) -> Path:
     with atomic_write(path) as temporary:
         temporary.write_text(yaml.safe_dump(content, sort_keys=False))
     return path
-
-
-def main() -> None:
-    """Run the command."""
-    run("mismatch_finetuning", mismatch_finetuning)

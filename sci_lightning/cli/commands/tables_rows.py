@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 from annotated_types import DocInfo
 from omegaconf import OmegaConf
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, compose, plain
 from sci_lightning.cli.settings import CommandSettings, FolderName, Name, Place
 from sci_lightning.configuration.bounds import Positive, Repeats
@@ -197,8 +196,3 @@ def _trained_on(run: Path) -> str:
 
     device = str(json.loads((run / "metrics.json").read_text())["device"])
     return machine_name(1) if is_processor(device) else device
-
-
-def main() -> None:
-    """Run the command."""
-    run("tables_rows", tables_rows)

@@ -27,11 +27,11 @@ SMOOTH_MODES = 4
 """As :data:`MODES`, for snapshots of more slots: scenes that move through a block have more modes."""
 CONTRASTS = (0.25, 1.0, 4.0)
 """Variances of patches over those of many videos: places differ in contrast more than the components do. Chosen by the
-likelihood of snapshots of validation clips behind known cameras, see ``docs/results/blind-contrasts.json``."""
+likelihood of snapshots of validation clips behind known cameras (``python -m tests.diagnosis.blind.contrasts``)."""
 UNCERTAIN_VIDEO_NATS, UNCERTAIN_SMOOTH_NATS = 0.01, 0.1
 """Nats per pixel within which a difference between cameras may be an error of the prior: about twice what further
-components gain on validation clips, 0.0065 of statistics of video (``docs/results/blind-contrasts.json``) and 0.045 of
-smooth scenes (``docs/results/blind-lengths.json``)."""
+components gain on validation clips, 0.0065 of statistics of video and 0.045 of smooth scenes (``python -m
+tests.diagnosis.blind.contrasts``, with and without ``lengths``)."""
 FAST_SHARE = 0.1
 """Share of scenes that move faster than those of the statistics: where estimating the shares begins."""
 LEAST_SHARE = 0.01

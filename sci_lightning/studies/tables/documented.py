@@ -16,16 +16,11 @@ from sci_lightning.files.json_file import JsonFile, JsonObject, Number, read_jso
 from sci_lightning.runs.provenance import NOT_YET, Provenance, joined
 from sci_lightning.studies.benchmark.benchmark_file import Benchmark
 from sci_lightning.studies.benchmark.table import tables
-from sci_lightning.studies.engine import FailedCase, Records
 from sci_lightning.studies.mismatch.blind_summary import blind_table, diagnosed_blind
 from sci_lightning.studies.mismatch.records import read_records
 from sci_lightning.studies.mismatch.summary import finetuning_table, summary_table
-from sci_lightning.studies.proving_ground.outcome import Outcome
-from sci_lightning.studies.proving_ground.report import ANSWERS, Summary
-from sci_lightning.studies.proving_ground.summary import summarise
 from sci_lightning.studies.tables.documented_paper import paper_table
 from sci_lightning.studies.tables.grid import DocumentedTable
-from sci_lightning.virtual_camera import OTHER_FIELDS
 
 LEFT_OUT = ("GFLOP/s", "of matmul")
 """Columns of benchmarks that pages have no room for."""
@@ -145,69 +140,6 @@ def _cell(value: Cell | None, column: Column, path: str | Path) -> str:
     return " / ".join(f"{number:,.{places}f}" for number, places in zip(values, digits, strict=True))
 
 
-PROVING_GROUND = ("summary", "outside", "rays")
-
-
-def proving_ground(path: str | Path, part: str) -> DocumentedTable:
-    """Return a table of the cases that ``python -m sci_lightning.proving_ground`` left in a folder.
-
-    Args:
-        path: of the folder with ``cases/`` and ``summary.json``; as long as it is not there, the table is empty.
-        part: ``summary`` (every figure), ``outside`` (a line for each case with a deviation known from other fields)
-            or ``rays`` (a line for each case that was sampled by rays and in which a name is missing or wrong).
-
-    Raises:
-        BadInput: another part, or a file of no use.
-    """
-    if part not in PROVING_GROUND:
-        parts = ", ".join(f"proving_ground.{part}" for part in PROVING_GROUND)
-        raise BadInput(f"proving_ground.{part}: no such table; choose {parts}")
-    kept = Records(Path(path) / "cases", Outcome)
-    outcomes = kept.read()
-    records: list[Outcome | FailedCase] = [*outcomes, *kept.failures()]
-    provenance = _summarised(Path(path)) if records else NOT_YET
-    if part == "summary":
-        rows = [row for row in summarise(records) if row.figure != "no cases"] if records else []
-        cells = [[row.what, row.figure, row.target, ANSWERS[row.met]] for row in rows]
-        return DocumentedTable(["what", "result (95 % interval)", "target", "reached"], cells, provenance)
-    if part == "outside":
-        shown = [outcome for outcome in outcomes if set(outcome.hidden_names) & set(OTHER_FIELDS)]
-    else:
-        shown = [outcome for outcome in outcomes if outcome.formulation == "rays" and not outcome.exact]
-    return DocumentedTable(
-        [
-            "hidden",
-            "camera",
-            "named",
-            "unnamed, the strongest first",
-            "captures left out",
-            "verdict",
-            "chi2 before",
-            "after",
-        ],
-        [_case(outcome) for outcome in shown],
-        provenance,
-    )
-
-
-def _case(outcome: Outcome) -> list[str]:
-    named = ", ".join(f"`{effect.name}`" for effect in outcome.named)
-    unnamed = ", ".join(stage.removeprefix("unnamed:") for stage in outcome.unnamed_stages)
-    hidden = ", ".join(f"`{name}`" for name in outcome.hidden_names) or "nothing"
-    camera = f"{outcome.mask}, {outcome.bit_depth} bits"
-    left_out = ", ".join(map(str, outcome.bad_captures)) + (" (right)" if outcome.captures_right else "")
-    figures = (f"{outcome.chi2_before:.3g}", f"{outcome.chi2_after:.3g}")
-    verdict = outcome.verdict.replace("_", " ")
-    return [hidden, camera, named, unnamed, left_out if outcome.bad_captures else "", verdict, *figures]
-
-
-def _summarised(path: Path) -> Provenance:
-    provenance = read_json(Path(path) / "summary.json", Summary).provenance
-    if provenance is None:
-        raise BadInput(f"{path}: summary.json does not say where it was measured")
-    return provenance
-
-
 def _without_parts(kind: str, part: str) -> None:
     if part:
         raise BadInput(f"{kind}.{part}: this table has no parts")
@@ -226,6 +158,5 @@ KINDS: dict[str, Callable[[Path, str], DocumentedTable]] = {
     "measurements": measurements,
     "mismatch": mismatch,
     "paper": paper_table,
-    "proving_ground": proving_ground,
 }
 """The kinds by the names that pages use."""
