@@ -95,13 +95,13 @@ $(TOOLS): $(READY)
 # PyTorch is built for CPUs and for several versions of CUDA under one version number: its hash, and which CUDA libraries come
 # with it, depend on the machine. The lock leaves them out, and says so.
 LOCK_HEADER = "Made by 'make lock' from pyproject.toml and constraints.txt; CONTRIBUTING.md says how to install from it." \
-  "For Python 3.11 to 3.13 on every platform, the SHA-256 of every file that a release of these versions has." \
+  "For Python 3.11.5 to 3.13 on every platform, the SHA-256 of every file that a release of these versions has." \
   "Not in it: torch and torchvision, which differ between machines (CPU, versions of CUDA), and the CUDA libraries" \
   "that they bring. Install them first, from a source that you trust; only their version is tested here." \
   "antlr4-python3-runtime is a source archive: its own file is checked, what pip builds it with is not."
 lock: $(READY)
 	$(BIN)/pip install --quiet --disable-pip-version-check 'uv>=0.9'
-	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --constraint constraints.txt --quiet \
+	$(BIN)/uv pip compile pyproject.toml --extra dev --universal --python-version 3.11.5 --constraint constraints.txt --quiet \
 	  --generate-hashes --no-annotate --no-header --no-emit-index-url > $(VENV)/resolved
 	{ printf '# %s\n' $(LOCK_HEADER); \
 	  awk '/^[a-z]/ { kept = $$0 !~ /^((torch|torchvision|triton)==|nvidia-|cuda-)/ } kept' $(VENV)/resolved; } > $(VENV)/lock

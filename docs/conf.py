@@ -44,6 +44,7 @@ suppress_warnings = ["myst.header", "misc.highlighting_failure"]
 nb_execution_mode = os.environ.get("NOTEBOOKS", "force")
 nb_execution_timeout = 300
 nb_execution_raise_on_error = True
+nb_execution_in_temp = True
 nb_merge_streams = True
 nb_execution_excludepatterns = [] if find_spec("torchvision") else ["tutorials/deepinv*"]  # deepinv imports it
 

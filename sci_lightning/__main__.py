@@ -26,6 +26,7 @@ EXAMPLES = {
     "virtual_camera.reveal": "captures.truth.json report.json",
     "proving_ground": "seeds=1 cases=4",
     "mismatch": "decoder=gap_tv,linear data.root=DIR",
+    "captures plan": "out=SESSION",
     "captures pack": "FOLDER out=captures.h5",
     "captures register": "captures.h5",
     "captures info": "captures.h5",

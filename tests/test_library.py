@@ -167,7 +167,7 @@ def test_a_checkpoint_trains_further_in_a_users_own_loop(tmp_path: Path, monkeyp
     assert any(name.startswith("decoder.") for name in moved) and any(name.startswith("encoder.") for name in moved)
 
 
-@pytest.mark.parametrize("name", [*EXAMPLES, "captures plan", "tables.rows"])
+@pytest.mark.parametrize("name", [*EXAMPLES, "tables.rows"])
 def test_every_command_is_one_call(name: str) -> None:
     with pytest.raises(BadInput, match="nonsense"):
         sci.command(name, {"nonsense": 1})

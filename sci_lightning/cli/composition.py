@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -77,7 +78,8 @@ class Composition:
 
     def own_folders(self) -> list[str]:
         """Return the override that names the user's folders of configurations again; none without such folders."""
-        return [f"hydra.searchpath=[{','.join(map(repr, self.search_path))}]"] if self.search_path else []
+        places = [place if re.fullmatch(r"[\w./:-]+", place) else repr(place) for place in self.search_path]
+        return [f"hydra.searchpath=[{','.join(places)}]"] if places else []
 
     def trusted(self) -> list[str]:
         """Return the override with which a checkpoint of the run may name the user's own classes; none without such."""

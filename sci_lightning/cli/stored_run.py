@@ -184,8 +184,8 @@ def to_repeat(path: Path, composition: Composition) -> list[str]:
         path: of the checkpoint.
         composition: of the run.
     """
-    words = []
-    for override in _parsed(composition.overrides):
+    words, repeated = [], set[str]()  # a group that is chosen again has the defaults again, so that its settings follow
+    for override in sorted(_parsed(composition.overrides), key=lambda one: not _is_group(one.key_or_group)):
         key, value = override.key_or_group, override.value()
         root, _, rest = key.partition(".")
         if _is_group(key):
@@ -195,9 +195,11 @@ def to_repeat(path: Path, composition: Composition) -> list[str]:
         elif root in SHOWN:
             settled = bool(rest) and (value is None or isinstance(value, (bool, int, float)))
         else:
-            settled = (root in (*SECTIONS, *VALUES) and key not in WRITTEN) or (root == "trainer" and rest in TRAINER)
+            settled = root in (*SECTIONS, *VALUES) and key not in WRITTEN and root not in repeated
+            settled = settled or (root == "trainer" and rest in TRAINER)
         if not settled and key not in NOT_AGAIN:
             words.append(str(override.input_line))
+            repeated.add((key.partition("@")[2] or key) if _is_group(key) else "")
     folder = Path(composition.cfg.out).absolute()
     out = [] if path.absolute() == _last_of(folder) else [quoted("out", nearest(folder))]
     files = elsewhere(path, named_files("", {key: _plain(composition.cfg).get(key) for key in SECTIONS}))

@@ -90,7 +90,7 @@ def reconstruction_figure(
         rows["reconstruction"] = x, numbers if y is None else [f"{_psnr(x[i], y[i]):.1f} dB" for i in shown], "gray"
     if x is not None and y is not None:
         rows["error x 5"] = 5 * np.abs(x - y), [""] * len(shown), "magma"
-    figure = _NotebookFigure(figsize=(1.55 * (len(shown) + 1), 1.65 * len(rows) + 0.25), layout="constrained")
+    figure = NotebookFigure(figsize=(1.55 * (len(shown) + 1), 1.65 * len(rows) + 0.25), layout="constrained")
     figure.suptitle(in_figure(title))
     grid = figure.subplots(len(rows), len(shown) + 1, squeeze=False)
     show_picture(grid[0, 0], m, "measurement", high=max(1.0, m.max()))
@@ -153,7 +153,7 @@ def plot(
     return reconstruction_figure(first["measurement"], first.get("video"), first.get("estimate"), title, frames)
 
 
-class _NotebookFigure(Figure):
+class NotebookFigure(Figure):
     """A figure that a notebook shows although matplotlib's pyplot, which would tell it how, was never imported."""
 
     def _repr_png_(self) -> bytes:

@@ -285,8 +285,10 @@ def test_the_line_to_go_on_with_says_what_a_checkpoint_may_not_ask_for(tmp_path:
     encoder = {"mask": {"_target_": "sci_lightning.encoder.mask.Measured", "file": outside}}
     made = composition(run, "workers=3", "seed=3", encoder=encoder, benchmark={"root": str(run / "scenes")})
     assert to_repeat(last, made) == [f"encoder.mask.file={outside}", "workers=3"]
-    own = composition(run, "decoder=mine", search_path=("file://own",), decoder={"_target_": "mine.Decoder"})
-    assert to_repeat(last, own) == ["hydra.searchpath=['file://own']", "trusted=[mine]", "decoder=mine"]
+    words = ("decoder.width=5", "decoder=mine", "encoder.mask.bits=3")
+    own = composition(run, *words, search_path=("file://own",), decoder={"_target_": "mine.Decoder"})
+    mine = ["decoder=mine", "decoder.width=5"]  # chosen again, it has its own defaults again
+    assert to_repeat(last, own) == ["hydra.searchpath=[file://own]", "trusted=[mine]", *mine]
     assert to_repeat(tmp_path / "elsewhere" / "last.ckpt", composition(run)) == [f"out={run}"]
 
 

@@ -20,6 +20,7 @@ from sci_lightning.diagnosis.residual_tests.pixel_tests import PLACE, extent
 from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search.selection import Round
+from sci_lightning.figures.figure import NotebookFigure
 from sci_lightning.plain_text import in_figure
 
 MAX_CANDIDATES = 8
@@ -47,7 +48,7 @@ def residuals_figure(before: Residuals, after: Residuals) -> Figure:
     height, width = before.raw.shape[1:]
     tall = PANEL_WIDTH * min(max(height / width, 0.5), 1.5)  # room left beside an image would be taken from its labels
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, rows * (tall + 0.45) + 0.3), layout="constrained")
+        figure = NotebookFigure(figsize=(PAGE_WIDTH, rows * (tall + 0.45) + 0.3), layout="constrained")
         grid = figure.subplots(rows, 2, sharex=True, sharey=True)
         for column, when in enumerate(("before: the ideal camera", "after: with what was found")):
             mean: Any = draw_map(grid[0, column], means[column], *limits(means))
@@ -91,7 +92,7 @@ def example_figure(before: Residuals, after: Residuals) -> Figure:
     titles = {"recorded": name, "before": "residual before", "after": "residual after", "own": OWN}
     panels: list[Any] = [["recorded", "own"], ["before", "after"]] if own else [["recorded", "before", "after"]]
     with style():
-        figure = Figure(figsize=(PAGE_WIDTH, 5.4 if own else 2.3), layout="constrained")
+        figure = NotebookFigure(figsize=(PAGE_WIDTH, 5.4 if own else 2.3), layout="constrained")
         grid: dict[str, Any] = figure.subplot_mosaic(panels, sharex=True, sharey=True)
         recorded: Any = grid["recorded"].imshow(
             seen.dn[number].numpy(), cmap="gray", vmin=0, interpolation="nearest", extent=extent(before)
@@ -115,7 +116,7 @@ def example_figure(before: Residuals, after: Residuals) -> Figure:
 def histogram_figure(before: Residuals, after: Residuals) -> Figure:
     """Draw the distribution of the residuals beside the standard normal that they follow if the model is right."""
     with style():
-        figure = Figure(figsize=(5.4, 3.4), layout="constrained")
+        figure = NotebookFigure(figsize=(5.4, 3.4), layout="constrained")
         axes = figure.subplots()
         edges = np.linspace(-8, 8, 81)
         middle = (edges[1:] + edges[:-1]) / 2
@@ -137,7 +138,7 @@ def evidence_figure(rounds: tuple[Round, ...], names: tuple[str, ...]) -> Figure
         names: effects that are in the model in the end.
     """
     with style():
-        figure = Figure(figsize=(5.4, 0.8 + 2.1 * max(1, len(rounds))), layout="constrained")
+        figure = NotebookFigure(figsize=(5.4, 0.8 + 2.1 * max(1, len(rounds))), layout="constrained")
         grid = figure.subplots(max(1, len(rounds)), 1, squeeze=False, sharex=True)[:, 0]
         for number, (axes, considered) in enumerate(zip(grid, rounds, strict=False), start=1):
             fits = {name: considered.fitted.get(name, (0.0, 0.0))[0] for name in considered.screened}
@@ -182,7 +183,7 @@ def gap_figure(gap_before: Gap, gap_after: Gap) -> Figure:
     """Draw the reduced chi2 of every kind of capture before and after."""
     kinds = list(gap_before.by_kind)[::-1]
     with style():
-        figure = Figure(figsize=(5.4, 0.9 + 0.34 * (len(kinds) + 1)), layout="constrained")
+        figure = NotebookFigure(figsize=(5.4, 0.9 + 0.34 * (len(kinds) + 1)), layout="constrained")
         axes = figure.subplots()
         pairs = [(gap_before.by_kind[kind].chi2, gap_after.by_kind[kind].chi2) for kind in kinds]
         pairs.append((gap_before.chi2, gap_after.chi2))
@@ -212,7 +213,7 @@ def correlation_figure(names: list[str], correlation: torch.Tensor) -> Figure:
     """
     with style():
         side = 1.6 + 0.42 * len(names)
-        figure = Figure(figsize=(side + 1.2, side), layout="constrained")
+        figure = NotebookFigure(figsize=(side + 1.2, side), layout="constrained")
         axes = figure.subplots()
         others = correlation.clone().fill_diagonal_(math.nan)
         image = axes.imshow(others.numpy(), cmap="RdBu_r", vmin=-1, vmax=1)
@@ -237,12 +238,12 @@ def map_figure(values: torch.Tensor, unit: str) -> Figure:
     """
     with style():
         if min(values.shape) == 1:
-            figure = Figure(figsize=(6.4, 2.4), layout="constrained")
+            figure = NotebookFigure(figsize=(6.4, 2.4), layout="constrained")
             axes = PLACE[values.shape[0] > 1], unit
             line = Picture("curve", values.flatten(), unit, tuple(map(float, range(values.numel()))), axes[:1])
             draw_test(figure, [line], [""], [AFTER])
         else:
-            figure = Figure(figsize=(4.6, 3.6), layout="constrained")
+            figure = NotebookFigure(figsize=(4.6, 3.6), layout="constrained")
             draw_test(figure, [Picture("map", values, unit, axes=PLACE)], [""], [AFTER])
         return figure
 
@@ -250,7 +251,7 @@ def map_figure(values: torch.Tensor, unit: str) -> Figure:
 def unnamed_figure(unnamed: Unnamed) -> Figure:
     """Draw a deviation without a name: how much it changes the signal, and where."""
     with style():
-        figure = Figure(figsize=(5, 3.6 if unnamed.picture.ndim == 2 else 2.6), layout="constrained")
+        figure = NotebookFigure(figsize=(5, 3.6 if unnamed.picture.ndim == 2 else 2.6), layout="constrained")
         axes = figure.subplots()
         values = unnamed.picture.numpy()
         if values.ndim == 2:
@@ -275,7 +276,7 @@ def test_figure(before: ResidualTest | None, after: ResidualTest) -> Figure:
     with style():
         height = 2.5 if after.picture.kind == "map" else 2.1
         panel = 2.0 if own else 2.8  # three panels are no wider than two
-        figure = Figure(figsize=(panel * (len(tests) + own) + 0.6, height), layout="constrained")
+        figure = NotebookFigure(figsize=(panel * (len(tests) + own) + 0.6, height), layout="constrained")
         draw_test(figure, [test.picture for test in tests], titles, colours, own)
         return figure
 

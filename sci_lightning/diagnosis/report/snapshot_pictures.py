@@ -15,6 +15,7 @@ from sci_lightning.diagnosis.blind.snapshots import textured_window
 from sci_lightning.diagnosis.report.corrected_camera import effective_mask, encoder_of
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.encoder import Encoder
+from sci_lightning.figures.figure import NotebookFigure
 from sci_lightning.operator import SnapshotOperator
 
 SIDE_PX = 192
@@ -46,7 +47,7 @@ def gain_figure(result: BlindDiagnosis) -> Figure:
     first = sorted(result.rounds[0].items(), key=lambda entry: entry[1]) if result.rounds else []
     count = bool(result.effects) + bool(first)
     with style():
-        figure = Figure(figsize=(3.3 * max(count, 1.5), 3.0), layout="constrained")
+        figure = NotebookFigure(figsize=(3.3 * max(count, 1.5), 3.0), layout="constrained")
         panels = list(figure.subplots(1, count, squeeze=False)[0])
         if result.effects:
             axes = panels.pop(0)
@@ -71,7 +72,7 @@ def prediction_figure(comparison: PairedComparison, numbers: tuple[int, ...], ve
         verification: those of them that no fit has seen.
     """
     with style():
-        figure = Figure(figsize=(1.6 + 0.75 * len(numbers), 2.8), layout="constrained")
+        figure = NotebookFigure(figsize=(1.6 + 0.75 * len(numbers), 2.8), layout="constrained")
         axes = figure.subplots()
         for shift, colour, which in ((-0.19, BEFORE, 0), (0.19, AFTER, 1)):
             heights = [pair[which] for pair in comparison.by_capture]
@@ -107,7 +108,7 @@ def reconstruction_figure(
     slots = torch.linspace(0, len(videos[0]) - 1, FRAMES_SHOWN).round().long().tolist()
     top = max(float(video[slots].quantile(0.995)) for video in videos)
     with style():
-        figure = Figure(figsize=(1.65 * (FRAMES_SHOWN + 1), 3.7), layout="constrained")
+        figure = NotebookFigure(figsize=(1.65 * (FRAMES_SHOWN + 1), 3.7), layout="constrained")
         axes = figure.subplots(2, FRAMES_SHOWN + 1)
         for line, (name, video) in zip(axes, zip(("before", "after"), videos, strict=True), strict=True):
             line[0].imshow(part[0], cmap="gray", interpolation="nearest")
