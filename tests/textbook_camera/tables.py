@@ -7,7 +7,6 @@ same round by the rules of an earlier version. ``tests/textbook_camera/round-5``
 
 from __future__ import annotations
 
-import itertools
 import sys
 from argparse import ArgumentParser
 from collections.abc import Iterable, Sequence
@@ -27,10 +26,8 @@ from tests.textbook_camera.score import SIZE, TrialRecord, every_case
 from tests.textbook_camera.suite import GROUPS
 
 RESULTS = Path("docs/results")
-QUANTILES = {"50 %": 0.674490, "80 %": 1.281552, "95 %": 1.959964}
-"""Half the widths of intervals of a normal distribution, in standard deviations."""
-PROBABILITIES = (0.5, 0.8, 0.95, 0.999, 1.01)
-"""Between which the stated probabilities of names are counted together."""
+STANDARD_DEVIATIONS = 1.959964
+"""Half the width of the 95 % interval of a normal distribution."""
 Column = tuple[str, str, int | None]
 COLUMNS: list[Column] = [
     ("world", "world", None),
@@ -43,7 +40,6 @@ COLUMNS: list[Column] = [
     ("median", "processor seconds, median", 0),
     ("longest", "longest", 0),
 ]
-TRUST: list[Column] = [("world", "world", None), ("stated", "stated", None), ("right", "right", None)]
 RELIABILITY: list[Column] = [
     ("stated", "stated probability", None),
     ("mean", "on average", 3),
@@ -120,25 +116,6 @@ def rows(records: Sequence[TrialRecord]) -> list[dict[str, Any]]:
     return [row(*key, some) for key, some in groups.items() if some]
 
 
-def trust(records: Sequence[TrialRecord]) -> list[dict[str, Any]]:
-    """Return, for every world, how many intervals hold and how many names of every stated probability are right."""
-    table = []
-    for world in ("clean", "laboratory"):
-        some = [Answer.of_textbook(one) for one in records if one.truth["world"] == world]
-        errors = [abs(error) for one in some for error in one.errors]
-        for label, width in QUANTILES.items():
-            table.append(
-                {"world": world, "stated": f"interval of {label}", "right": in_words(e <= width for e in errors)}
-            )
-        stated = [entry for one in some for entry in one.named]
-        for low, high in itertools.pairwise(PROBABILITIES):
-            right = [good for probability, good in stated if probability is not None and low <= probability < high]
-            if right:
-                label = f"probability of a name {low:g} to {min(high, 1.0):g}"
-                table.append({"world": world, "stated": label, "right": in_words(right)})
-    return table
-
-
 def share(answers: Iterable[bool]) -> str:
     """Return how many of how many are true, "9/10"; empty of none."""
     listed = list(answers)
@@ -160,7 +137,7 @@ def figures(answers: Sequence[Answer]) -> dict[str, str]:
         "names stated with 95 % and more: right": share(
             right for one in answers for probability, right in one.named if (probability or 0.0) >= CERTAIN
         ),
-        "95 % intervals that hold": share(abs(error) <= QUANTILES["95 %"] for one in answers for error in one.errors),
+        "95 % intervals that hold": share(abs(error) <= STANDARD_DEVIATIONS for one in answers for error in one.errors),
     }
 
 
@@ -188,7 +165,6 @@ def main(round_: int, commit: str, out: Path, ground: Path | None = None, former
         "command": f"python -m tests.textbook_camera.score OUT {round_}",
     }
     MeasurementsFile(RESULTS / f"textbook-{round_}.json", **about).write(COLUMNS, rows(textbook))
-    MeasurementsFile(RESULTS / f"textbook-{round_}-trust.json", **about).write(TRUST, trust(textbook))
     worlds = {"textbook camera": "clean", "the same in a laboratory": "laboratory"}
     columns = {
         title: [Answer.of_textbook(one) for one in textbook if one.truth["world"] == world]
@@ -221,11 +197,11 @@ def main(round_: int, commit: str, out: Path, ground: Path | None = None, former
         before = of_round(former, round_)
         numbers = {one.number for one in before}
         same = [one for one in textbook if one.number in numbers]
-        table = [{"rules": rules, **one} for rules, some in (("before", before), ("now", same)) for one in rows(some)]
-        table.sort(key=lambda one: (one["world"], list(GROUPS).index(one["hidden"])))
+        table = [{"rules": name, **row("", "", some)} for name, some in (("before", before), ("now", same))]
+        table = [{key: one[key] for key in ("rules", "exact", "wrong", "missed", "stage")} for one in table]
         scale = {"scale": about["scale"].replace(str(total), str(len(same)), 1)}
         MeasurementsFile(RESULTS / f"textbook-{round_}-former.json", **about | scale).write(
-            [("rules", "rules", None), *COLUMNS], table
+            [("rules", "rules", None), *COLUMNS[2:6]], table
         )
 
 
