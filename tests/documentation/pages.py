@@ -128,7 +128,8 @@ def reduced(arguments: list[str]) -> list[str]:
             return [module, *overrides, "size=[32,32]", *FEW_CAPTURES]
         case "train" if "ckpt_path=" not in line:
             decoder = re.search(r"\bdecoder=(\w+)", line)
-            network = SMALL_DECODER[decoder[1] if decoder else "res2former"]
+            default = "e2e_cnn" if "experiment=quickstart" in line else "res2former"
+            network = SMALL_DECODER[decoder[1] if decoder else default]
             return [module, *overrides, *SMALL, *network, *([] if "data=" in line else ["data.scenes_count=1"])]
     return [module, *overrides]
 
