@@ -13,11 +13,11 @@ from docutils.utils.math import latex2mathml
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
-ROOT = Path(__file__).parent.parent
-sys.path.insert(0, str(ROOT / "docs" / "_extension"))
+from sci_lightning import __version__
+from sci_lightning.weights import shipped
 
-from sci_lightning import __version__  # noqa: E402
-from sci_lightning.weights import shipped  # noqa: E402
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "docs" / "_extension"))  # where Sphinx finds the extension `reference`
 
 project = "sci_lightning"
 author = "the sci_lightning authors"

@@ -199,7 +199,8 @@ def to_repeat(path: Path, composition: Composition) -> list[str]:
             settled = settled or (root == "trainer" and rest in TRAINER)
         if not settled and key not in NOT_AGAIN:
             words.append(str(override.input_line))
-            repeated.add((key.partition("@")[2] or key) if _is_group(key) else "")
+            if _is_group(key):
+                repeated.add(key.partition("@")[2] or key)
     folder = Path(composition.cfg.out).absolute()
     out = [] if path.absolute() == _last_of(folder) else [quoted("out", nearest(folder))]
     files = elsewhere(path, named_files("", {key: _plain(composition.cfg).get(key) for key in SECTIONS}))
