@@ -120,7 +120,7 @@ def diagnose(
         unnamed=explanation.unnamed,
         rounds=explanation.rounds,
         considered={
-            name: effect for name, effect in model.vocabulary.items() if not (effect.noise or effect.of_captures)
+            name: effect for name, effect in model.vocabulary.items() if not (effect.noise or effect.imperfection)
         },
         stated_noise=tuple(effect for effect, _ in datasheet_noise(observation)[1]),
         correlation=error_correlation(corrected),

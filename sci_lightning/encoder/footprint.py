@@ -20,25 +20,29 @@ millionth of the light over the blur's standard deviation in mirrors, as single 
 
 
 def square_kernel(
-    distance: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor | float = 1.0
+    distance: torch.Tensor,
+    sigma: torch.Tensor | None,
+    pixel: torch.Tensor | float = 1.0,
+    side: torch.Tensor | float = 1.0,
 ) -> torch.Tensor:
-    r"""Return the share of a unit square's light that falls on a pixel, in one dimension.
+    r"""Return the share of a mirror's light that falls on a pixel, in one dimension.
 
-    :math:`\frac{1}{b} (\mathrm{box}_1 * \mathcal{N}_\sigma * \mathrm{box}_b)(d)`, from the second antiderivative of
-    the Gaussian. Without a blur and for b = 1 it is the triangle, so that a displacement is linear interpolation.
+    :math:`\frac{1}{a b} (\mathrm{box}_a * \mathcal{N}_\sigma * \mathrm{box}_b)(d)`, from the second antiderivative of
+    the Gaussian. Without a blur and for a = b = 1 it is the triangle, so that a displacement is linear interpolation.
 
     Args:
-        distance: d between the centres, in units of the square; any shape.
+        distance: d between the centres, in units of the mirrors' pitch; any shape.
         sigma: standard deviation of the blur, same unit; None for no blur.
         pixel: b, width of the pixel, same unit.
+        side: a, width of the mirror, same unit.
     """
-    wide, narrow = (1 + pixel) / 2, (1 - pixel) / 2
+    wide, narrow = (side + pixel) / 2, (side - pixel) / 2
     given = distance.dtype
     # far out on the negative side the antiderivatives are near 0, so that no digits cancel
     distance = distance.double().abs().neg()
     edges = (distance + wide, distance + narrow, distance - narrow, distance - wide)
     a, b, c, d = (_twice_integrated(edge, sigma) for edge in edges)
-    return without_negligible((a - b - c + d) / pixel).to(given)
+    return without_negligible((a - b - c + d) / (pixel * side)).to(given)
 
 
 def without_negligible(weights: torch.Tensor) -> torch.Tensor:
@@ -61,9 +65,15 @@ def reach(sigma: torch.Tensor | None, pixel: torch.Tensor | float = 1.0) -> int:
     return math.ceil((1 + width) / 2 + REACH * blur - 1e-6)
 
 
-def shares(centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor, length: int) -> torch.Tensor:
+def shares(
+    centre: torch.Tensor,
+    sigma: torch.Tensor | None,
+    pixel: torch.Tensor,
+    length: int,
+    side: torch.Tensor | float = 1.0,
+) -> torch.Tensor:
     """Return ``(cells, length)``: how much every mirror lights every cell, along one axis."""
-    return square_kernel(centre[:, None] - torch.arange(length).to(centre), sigma, pixel)
+    return square_kernel(centre[:, None] - torch.arange(length).to(centre), sigma, pixel, side)
 
 
 def blurs_onto_pixels(length: int, cells: int, sigma: torch.Tensor, like: torch.Tensor) -> torch.Tensor:
@@ -97,19 +107,23 @@ def image_at(
     column: torch.Tensor,
     sigma: tuple[torch.Tensor | None, torch.Tensor | None],
     pixel: tuple[torch.Tensor, torch.Tensor],
+    side: torch.Tensor | float = 1.0,
 ) -> torch.Tensor:
-    """Return the image of mirrors seen at fields of rows and columns, by pixels and blurs of so many mirrors."""
+    """Return the image of mirrors seen at fields of rows and columns, by pixels and blurs of so many mirrors.
+
+    ``side`` is the width of a mirror, as a part of their pitch.
+    """
     height, width = patterns.shape[-2:]
     values = patterns.flatten(-2).mT.contiguous()  # of a mirror side by side, so that it is read at once
     field = torch.broadcast_shapes(row.shape, column.shape)
     across = 2 * max(reach(blur, side) for blur, side in zip(sigma, pixel, strict=True))
     at_a_time = max(1, TAPS_AT_A_TIME // across**2)
     places = [one.expand(field).flatten().split(at_a_time) for one in (row, column)]
-    sides = [side.expand(field).flatten().split(at_a_time) if side.ndim else repeat(side) for side in pixel]
+    extents = [one.expand(field).flatten().split(at_a_time) if one.ndim else repeat(one) for one in pixel]
     parts = []
-    for y, x, *side in zip(*places, *sides, strict=False):
-        index_down, down = _taps(y, sigma[0], side[0], height)
-        index_over, over = _taps(x, sigma[1], side[1], width)
+    for y, x, high, wide in zip(*places, *extents, strict=False):
+        index_down, down = _taps(y, sigma[0], high, height, side)
+        index_over, over = _taps(x, sigma[1], wide, width, side)
         index = index_down[:, :, None] * width + index_over[:, None, :]
         weight = (down[:, :, None] * over[:, None, :]).to(patterns.dtype)
         parts.append(
@@ -121,7 +135,11 @@ def image_at(
 
 
 def _taps(
-    centre: torch.Tensor, sigma: torch.Tensor | None, pixel: torch.Tensor, length: int
+    centre: torch.Tensor,
+    sigma: torch.Tensor | None,
+    pixel: torch.Tensor,
+    length: int,
+    side: torch.Tensor | float,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Return indices and weights ``(.., taps)`` of all the mirrors that may light the pixels around ``centre`` (..)."""
     radius = reach(sigma, pixel)
@@ -129,12 +147,12 @@ def _taps(
     first = torch.floor(centre.detach())
     index = first.long()[..., None] + steps
     if sigma is None or pixel.ndim:
-        weight = square_kernel(centre[..., None] - index, sigma, pixel[..., None])
+        weight = square_kernel(centre[..., None] - index, sigma, pixel[..., None], side)
     else:  # one kernel everywhere, which the blur has made smooth
         fraction = (centre - first) * TABULATED
         node = fraction.detach().long().clamp(max=TABULATED - 1)
         nodes = torch.arange(TABULATED + 1, dtype=torch.float64, device=centre.device) / TABULATED
-        table = square_kernel(nodes[:, None] - steps, sigma, pixel).to(centre.dtype)
+        table = square_kernel(nodes[:, None] - steps, sigma, pixel, side).to(centre.dtype)
         weight = torch.lerp(table[node], table[node + 1], (fraction - node)[..., None])
     return index.clamp(0, length - 1), weight * ((index >= 0) & (index < length))
 
@@ -143,10 +161,11 @@ def image_by_parts(
     patterns: torch.Tensor,
     centre: tuple[torch.Tensor, torch.Tensor],
     sigma: tuple[torch.Tensor | None, torch.Tensor | None],
-    side: tuple[torch.Tensor, torch.Tensor],
+    extent: tuple[torch.Tensor, torch.Tensor],
     divided: int,
+    side: torch.Tensor | float = 1.0,
 ) -> torch.Tensor:
-    """Return the image ``(P, H, W)`` of touching square mirrors, ``(P, Hm, Wm)``, dark beyond them.
+    """Return the image ``(P, H, W)`` of square mirrors, ``(P, Hm, Wm)``, dark beyond them.
 
     The parts' shares of every mirror are added up before any pattern is looked at, so that finer parts cost little
     where patterns are many.
@@ -155,17 +174,18 @@ def image_by_parts(
         patterns: transmittance of the mirrors.
         centre: row and column that the centres of the parts see, ``(divided H, divided W)`` each, in mirrors.
         sigma: standard deviations of the blur at the parts, of the same shape, in mirrors; None for no blur.
-        side: height and width of the parts' footprints, of the same shape, in mirrors.
+        extent: height and width of the parts' footprints, of the same shape, in mirrors.
         divided: parts along either axis of a pixel.
+        side: width of a mirror, as a part of their pitch.
     """
     height, width = (length // divided for length in centre[0].shape)
     rows, columns = patterns.shape[-2:]
     flat, parts = patterns.flatten(-2), divided**2
     axes = [
-        (_by_part(one, divided), None if blur is None else _by_part(blur, divided), _by_part(extent, divided), length)
-        for one, blur, extent, length in zip(centre, sigma, side, (rows, columns), strict=True)
+        (_by_part(one, divided), None if blur is None else _by_part(blur, divided), _by_part(size, divided), length)
+        for one, blur, size, length in zip(centre, sigma, extent, (rows, columns), strict=True)
     ]
-    (down, line), (over, mirror) = (_shares_of_parts(*axis) for axis in axes)
+    (down, line), (over, mirror) = (_shares_of_parts(*axis, side) for axis in axes)
     weight = (torch.einsum("snr,snc->rcn", down, over) / parts).to(patterns.dtype)
     image = torch.zeros(len(patterns), height * width, dtype=patterns.dtype, device=patterns.device)
     for r, one in enumerate(line.T):
@@ -181,17 +201,21 @@ def _by_part(field: torch.Tensor, divided: int) -> torch.Tensor:
 
 
 def _shares_of_parts(
-    centre: torch.Tensor, sigma: torch.Tensor | None, side: torch.Tensor, length: int
+    centre: torch.Tensor,
+    sigma: torch.Tensor | None,
+    extent: torch.Tensor,
+    length: int,
+    side: torch.Tensor | float,
 ) -> tuple[torch.Tensor, torch.Tensor]:
     """Return shares of mirrors along one axis in parts, ``(parts, pixels, n)``, and which these are, ``(pixels, n)``.
 
     The n mirrors are those that light any part of a pixel.
     """
-    radius = reach(sigma, side)
+    radius = reach(sigma, extent)
     seen = torch.floor(centre.detach()).long()
     first = seen.amin(0) - radius + 1
     count = int((seen.amax(0) + radius - first).max()) + 1
     index = first[:, None] + torch.arange(count, device=centre.device)
     blur = None if sigma is None else sigma[..., None]
-    share = square_kernel(centre[..., None] - index, blur, side[..., None])
+    share = square_kernel(centre[..., None] - index, blur, extent[..., None], side)
     return share * ((index >= 0) & (index < length)), index.clamp(0, length - 1)

@@ -43,8 +43,8 @@ class RelayGeometry:
     Attributes:
         angle: rotation, radian. scale: magnification, 1. dx, dy: displacement, pixel. sigma: standard deviation of the
             blur on the image, pixel. tilt_x, tilt_y: change of magnification from the centre to the right and to the
-            lower edge, 1. k: radial distortion in the corner, 1. spread: of the magnification, 1. All are tensors of no
-            dimension.
+            lower edge, 1. k: radial distortion in the corner, 1. spread: of the magnification, 1. fill: part of a mirror's
+            cell that reflects, 1. All are tensors of no dimension.
     """
 
     angle: torch.Tensor | None = None
@@ -56,6 +56,7 @@ class RelayGeometry:
     tilt_y: torch.Tensor | None = None
     k: torch.Tensor | None = None
     spread: torch.Tensor | None = None
+    fill: torch.Tensor | None = None
 
     @property
     def colours(self) -> tuple[RelayGeometry, ...]:
@@ -64,6 +65,11 @@ class RelayGeometry:
             return (self,)
         scale = 1 if self.scale is None else self.scale
         return tuple(replace(self, spread=None, scale=scale * (1 + part)) for part in (self.spread, -self.spread))
+
+    @property
+    def side(self) -> torch.Tensor | float:
+        """Width of a mirror as a part of their pitch."""
+        return 1.0 if self.fill is None else self.fill.sqrt()
 
     @property
     def turned(self) -> bool:
@@ -82,7 +88,9 @@ class RelayGeometry:
         grid: ModulatorGrid | None = None,
         wanted: torch.Tensor | None = None,
     ) -> torch.Tensor:
-        """Return the image of touching square mirrors, integrated over the pixels; it is dark beyond the mirrors.
+        """Return the image of square mirrors, integrated over the pixels; it is dark beyond the mirrors.
+
+        Mirrors with gaps are as bright as touching ones: all of them on are a transmittance of 1 where each is a pixel.
 
         The integral is exact without rotation, perspective and distortion. With them, a pixel is divided into at least
         ``TURNED_PARTS`` x ``TURNED_PARTS`` parts unless the blur is wide, and the footprint of each on the mirrors is
@@ -121,14 +129,14 @@ class RelayGeometry:
         y, x = self.nominal_at(y, x, (height, width), apart=True)
         pixel = 1 / (cells * scale)
         if self.angle is None:
-            down = shares(y + (height - 1) / 2, sigma, pixel, height)
-            return down @ patterns @ shares(x + (width - 1) / 2, sigma, pixel, width).T
+            down = shares(y + (height - 1) / 2, sigma, pixel, height, self.side)
+            return down @ patterns @ shares(x + (width - 1) / 2, sigma, pixel, width, self.side).T
         cos, sin = torch.cos(self.angle), torch.sin(self.angle)
         y, x = _selected(y[:, None], x[None], wanted)
         row = cos * y - sin * x + (height - 1) / 2
         column = cos * x + sin * y + (width - 1) / 2
         side = pixel * patterns.new_ones(())
-        return _as_field(image_at(patterns, row, column, (sigma, sigma), (side, side)), wanted)
+        return _as_field(image_at(patterns, row, column, (sigma, sigma), (side, side), self.side), wanted)
 
     def _distorted(
         self, patterns: torch.Tensor, cells: int, sigma: torch.Tensor | None, wanted: torch.Tensor | None
@@ -143,7 +151,7 @@ class RelayGeometry:
         left, right = (self.nominal_at(y, x + side, (height, width))[1] for side in (-half, half))
         row, column = row + (height - 1) / 2, column + (width - 1) / 2
         sides = ((below - above).abs(), (right - left).abs())
-        return _as_field(image_at(patterns, row, column, (sigma, sigma), sides), wanted)
+        return _as_field(image_at(patterns, row, column, (sigma, sigma), sides, self.side), wanted)
 
     def _on_own_grid(self, patterns: torch.Tensor, cells: int, grid: ModulatorGrid) -> torch.Tensor:
         """Return the image of mirrors on a grid of their own."""
@@ -173,7 +181,7 @@ class RelayGeometry:
                 for wide, first in zip(blur, steps, strict=True)
             ]
             places = (row + padding[0], column + padding[1])
-            images.append(image_by_parts(patterns, places, (left[0], left[1]), size, divided))
+            images.append(image_by_parts(patterns, places, (left[0], left[1]), size, divided, self.side))
         return torch.cat(images, -2)
 
     def _upright_image(
@@ -187,7 +195,7 @@ class RelayGeometry:
         for position, (pitch, middle), length in zip((y, x), grid.axes(), grid.mirrors, strict=True):
             blur = None if sigma is None else sigma * abs(pitch) / scale
             seen = pitch * position + middle
-            kernels.append(shares(seen, blur, abs(pitch) / (cells * scale), length).to(patterns))
+            kernels.append(shares(seen, blur, abs(pitch) / (cells * scale), length, self.side).to(patterns))
         return kernels[0] @ patterns @ kernels[1].T
 
     def _footprints(

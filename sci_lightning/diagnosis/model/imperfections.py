@@ -26,7 +26,7 @@ MIN_CAPTURES_OF_SHEET = 4
 class ErrorOfLight(MapEffect, SensorEffect):
     """The light of some captures is a little more or less than nominal."""
 
-    of_captures = True
+    of_captures = imperfection = True
     about = {"std": Parameter("1", 0.0, 0, 1, step=0.001, starts=(0.002,))}
     concerned: ClassVar[torch.Tensor]
     """``(F,)`` bool: the captures of the file that have this error."""
@@ -134,7 +134,7 @@ class TargetGrain(SensorEffect):
     about = {"std": Parameter("1", 1e-4, 1e-4, 0.03, step=0.05, starts=(0.003,), log=True)}
     sentence = "targets differ from place to place by {std}"
     noise = True
-    of_captures = True
+    of_captures = imperfection = True
     std: torch.Tensor
     textured: ClassVar[torch.Tensor]
     """``(F,)`` bool: captures of a textured target."""

@@ -150,14 +150,14 @@ def imperfections_in(fit: Fit) -> tuple[NamedEffect, ...]:
     fitter, errors, certain = fit.fitter, cluster_errors(fit), list[NamedEffect]()
     for name, setting in fit.hypothesis.effects.items():
         effect = fitter.model.effects[name]
-        if not effect.of_captures or name in fitter.model.free_forms:
+        if not effect.imperfection or name in fitter.model.free_forms:
             continue
         ((parameter, size),) = setting.items()
         about = effect.about[parameter]
         if name in fit.maps:
             nats, error = fit.maps[name].evidence, fit.maps[name].std_error
         else:
-            without = fitter.model.predict(fit.hypothesis.with_effect(name, {parameter: about.low}))
+            without = fitter.model.predict(fit.hypothesis.with_effect(name, {parameter: about.neutral}))
             lost = (fitter.log_likelihood(fit.prediction) - fitter.log_likelihood(without)) * fitter.fitted
             error = errors.deviation((name, parameter)) * (float(size) if about.log else 1.0)
             nats = float(lost.sum(dtype=torch.float64))

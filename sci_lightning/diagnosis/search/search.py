@@ -101,7 +101,7 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
     names = [
         name
         for name in settled.hypothesis.effects
-        if name not in keep and name not in free_forms and not whole.model.effects[name].of_captures
+        if name not in keep and name not in free_forms and not whole.model.effects[name].imperfection
     ]
     ideal = settled.fitter.fit(noise, fixed=stated, iterations=30)
     effects = tuple(names if left else [*names, *noise_that_differs(settled)])

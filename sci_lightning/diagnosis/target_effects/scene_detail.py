@@ -20,7 +20,7 @@ class SceneDetail(SceneEffect):
 
     name = "scene_detail"
     rank = 5
-    of_captures = True
+    of_captures = imperfection = True
     about = {"share": Parameter("1", 0.0, 0, 1.5, step=0.05, starts=(1.0,))}
     sentence = "targets slope within a pixel by {share} of what their neighbours say"
     share: torch.Tensor

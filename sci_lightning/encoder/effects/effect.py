@@ -52,6 +52,8 @@ class Effect(nn.Module):
     mask that are far from every start."""
     of_captures: ClassVar[bool] = False
     """Whether it belongs to the captures and not to the camera, so that no encoder file keeps it."""
+    imperfection: ClassVar[bool] = False
+    """Whether it is to be expected of every camera or laboratory, so that a diagnosis gives its size and no name."""
     noise: ClassVar[bool] = False
     """Whether the effect changes the variance of the signal and not its mean."""
     plainer: ClassVar[str | None] = None
