@@ -210,7 +210,10 @@ def _inner(annotation: Any) -> Iterator[type]:
 
 
 def _picture(effect: type[Effect]) -> str | None:
-    """Draw what an effect does to a snapshot; return the picture's path within the site. None where it has no file."""
+    """Draw what an effect does to a snapshot; return the picture's path within the site.
+
+    None for one that has no file, or does nothing by itself.
+    """
     file = CONF / "effect" / f"{effect.name}.yaml"
     if not file.is_file():
         return None
@@ -228,6 +231,8 @@ def _picture(effect: type[Effect]) -> str | None:
         torch.manual_seed(0)
         changed = sci.Encoder(mask, sensor, effects=[effect(**arguments)])(_scene())[0]
     difference = 255 * (changed - without)
+    if not bool(difference.any()):
+        return None
     figure, axes = plt.subplots(1, 3, figsize=(7.2, 2.6), layout="constrained")
     limit = max(float(difference.abs().quantile(0.995)), 1.0)
     for axis, image, title in zip(axes, (without, changed), ("ideal", effect.name), strict=False):

@@ -55,20 +55,3 @@ LABORATORY = FormulaError(2e-2, 1e-1)
 def formula_error(fit: Fit) -> FormulaError:
     """Return how far formulas are wrong where the captures of a fit were taken."""
     return LABORATORY if fit.in_laboratory else IDEAL
-
-
-def nats_beyond_formula(fit: Fit, name: str) -> float:
-    """Return the nats by which an effect is larger than the error of its formula: no pixels can say more for it.
-
-    They are infinite for choices and for noise.
-    """
-    effect, error, squares = fit.fitter.model.effects[name], formula_error(fit), 0.0
-    if effect.noise:
-        return math.inf
-    for parameter, value in fit.hypothesis.effects[name].items():
-        about = effect.about[parameter]
-        nothing = error.of_nothing(about)
-        if about.choices or not nothing:
-            return math.inf
-        squares += ((float(value) - float(about.neutral or 0.0)) / nothing) ** 2
-    return squares / 2

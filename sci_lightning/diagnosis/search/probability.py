@@ -19,7 +19,7 @@ from sci_lightning.diagnosis.fit.cluster_errors import ClusterErrors, cluster_er
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, hot_penalty, likeliest_prior
 from sci_lightning.diagnosis.model.map_system import DENSE
-from sci_lightning.diagnosis.search.formula_error import formula_error, nats_beyond_formula
+from sci_lightning.diagnosis.search.formula_error import formula_error
 from sci_lightning.encoder.effects.parameter import part_of
 
 PRIOR_PROBABILITY = 0.02
@@ -78,7 +78,7 @@ def evidence_for(fit: Fit, name: str, errors: ClusterErrors | None = None, witho
     gain = calibrated(nats, dispersion, freedom)
     if name in fit.maps:
         gain = min(gain, map_evidence(fit, fit.maps[name], dispersion))
-    gain = min(gain, nats_beyond_formula(fit, name))
+    gain = min(gain, nats_beyond_errors(fit, name, errors))
     return Evidence(nats, dispersion, gain - occam_factor(fit, name, errors))
 
 
@@ -115,6 +115,26 @@ def nats_from_nothing(fit: Fit, name: str) -> float:
     nothing = fitter.model.predict(fit.hypothesis.with_effect(name, part_of(setting, about, NEARLY_NEUTRAL_SHARE)))
     loss = (fitter.log_likelihood(fit.prediction) - fitter.log_likelihood(nothing)) * fitter.fitted
     return float(loss.sum(dtype=torch.float64))
+
+
+def nats_beyond_errors(fit: Fit, name: str, errors: ClusterErrors) -> float:
+    """Return the nats by which the numbers of an effect are larger than their errors, their formula's among them.
+
+    Pixels can say no more for it: where a likelihood ratio is larger, what gains is not the effect but what is fitted
+    beside it, such as the sizes of errors of the laboratory. Infinite for choices, maps, noise, and numbers that have no
+    neutral value or one that stands for infinity.
+    """
+    effect, setting, error = fit.fitter.model.effects[name], fit.hypothesis.effects[name], formula_error(fit)
+    numbers = [one for one, about in effect.about.items() if (name, one) in errors.names and error.of_nothing(about)]
+    if effect.noise or name in fit.maps or not numbers:
+        return math.inf
+    places = [errors.names.index((name, one)) for one in numbers]
+    scale = errors.dispersions[places].sqrt()
+    formula = torch.tensor([error.of_nothing(effect.about[one]) ** 2 for one in numbers], dtype=torch.float64)
+    covariance = errors.model[places][:, places] * scale[:, None] * scale + formula.diag()
+    away = torch.tensor([float(setting[one]) - float(effect.about[one].neutral or 0.0) for one in numbers]).double()
+    squares = float(away @ torch.linalg.solve(covariance, away))
+    return calibrated(squares / 2, 1.0, float(errors.freedom[places].min()))
 
 
 def calibrated(nats: float, dispersion: float, freedom: float) -> float:

@@ -16,6 +16,8 @@ from tests.encoder.effects.conftest import T, build, configured, encoder, video
 NAMES = members("effect")
 NONLOCAL = {"optical_blur", "field_blur", "veiling_glare"}
 """Effects that bring light from beyond a window's border."""
+SHOWN_BY = {"fill_factor": {"mask_shift": {"dx": 0.3, "dy": 0.2}}}
+"""Effects that do nothing by themselves, and those beside which they show."""
 
 
 def agrees(value: object) -> object:
@@ -25,6 +27,10 @@ def agrees(value: object) -> object:
 def neutral(name: str) -> Effect:
     about = build(name).about
     return build(name, **{key: each.neutral for key, each in about.items() if each.neutral is not None})
+
+
+def shown_by(name: str) -> list[Effect]:
+    return [build(other, **values) for other, values in SHOWN_BY.get(name, {}).items()]
 
 
 def bits(*effects: Effect) -> int:
@@ -76,10 +82,11 @@ def test_acts_and_is_the_identity_when_neutral(name: str) -> None:
         )
         assert torch.equal(recorded(neutral(name)), encoder(bits=8)(video()))
         return
-    ideal = encoder()(video())
+    beside = shown_by(name)
+    ideal = encoder(*beside)(video())
     torch.manual_seed(0)
-    assert (encoder(build(name))(video()) - ideal).abs().max() > 1 / 255
-    torch.testing.assert_close(encoder(neutral(name))(video()), ideal, rtol=0, atol=1e-6)
+    assert (encoder(*beside, build(name))(video()) - ideal).abs().max() > 1 / 255
+    torch.testing.assert_close(encoder(*beside, neutral(name))(video()), ideal, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -96,7 +103,7 @@ def test_what_it_refuses(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_gradients(name: str, at_neutral: bool) -> None:
     effect = (neutral if at_neutral else build)(name).requires_grad_(True)
-    camera = encoder(effect, bits=bits(effect))
+    camera = encoder(*shown_by(name), effect, bits=bits(effect))
     scene = video().requires_grad_(True)
     measurement = camera(scene)
     (measurement.square().sum() + camera.linearise(measurement).square().sum()).backward()
