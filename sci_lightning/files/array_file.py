@@ -39,7 +39,8 @@ def read_array(
 
     Args:
         path: one of :data:`ENDINGS`.
-        prefer: name of the array when ``key`` is None; failing that the only array with ``dimensions`` will do.
+        prefer: name of the array when ``key`` is None, as it is or with ``_bayer`` behind it; failing that the only
+            array with ``dimensions`` will do.
         dimensions: how many the array must have; axes of length 1 of one that has more are dropped, but in MAT files.
             Of several numbers, arrays of the first come before those of the next, which are looked at only where there
             is none of the first.
@@ -131,7 +132,7 @@ def _choose(
     if path.suffix.lower() == ".npy":
         return arrays[""]
     names = [prefer] if key is None else [key] if isinstance(key, str) else list(key)
-    for name in names:
+    for name in (*names, *([f"{prefer}_bayer"] if key is None else [])):
         if name in arrays:
             return arrays[name]
     by_dimensions = [[array for array in arrays.values() if len(array.shape) == number] for number in dimensions]

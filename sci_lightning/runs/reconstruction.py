@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,23 +15,30 @@ from sci_lightning.captures.light_scale import bright_end, doubtful_brightness, 
 from sci_lightning.captures.mask_check import mask_warning
 from sci_lightning.captures.mask_fit import mask_of_snapshots
 from sci_lightning.captures.snapshots import read_snapshot
+from sci_lightning.data.video_array import read_video_array
 from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import Measured
 from sci_lightning.encoder.sensor import Ideal
+from sci_lightning.encoder.sensor.bayer import check_bayer, demosaiced, demosaicing, sub_lattices
 from sci_lightning.errors import BadInput
 from sci_lightning.figures.animation import write_frames, write_gif, write_mp4, write_overview
+from sci_lightning.files.array_file import ENDINGS, array_names
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.mask_file import doubtful_axes
 from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.files.npy_file import write_npy
 from sci_lightning.files.packed_file import RawLayout
 from sci_lightning.measurement import Measurement, linear_with_mask
+from sci_lightning.metrics import PSNR, SSIM
+from sci_lightning.metrics.colour import CHANNELS, in_colour
 from sci_lightning.pipeline import Pipeline
+from sci_lightning.plain_text import excerpt
 from sci_lightning.runs.device import resolve_device
 from sci_lightning.runs.precision import describe_precision, mixed_precision, resolve_precision
+from sci_lightning.runs.results import number
 
 GIVE_MASK = "give the mask that the snapshot was taken with: mask=FILE"
 FILES = ("video.gif", "video.mp4", "overview.png")
@@ -45,7 +52,8 @@ class Reconstruction:
     """What a decoder made of snapshots.
 
     Attributes:
-        video: float32 ``(N, T, H, W)``, white is 1; read from ``reconstruction.npy`` as needed where that was written.
+        video: float32 ``(N, T, H, W)``, in colour ``(N, T, H, W, 3)``, white is 1; read from ``reconstruction.npy`` as
+            needed where that was written.
         measurement: ``(N, H, W)``, fractions of full scale.
         mask: ``(T, H, W)``, as the decoder got it.
         full_scale: the number in the file that is 1.0 in ``measurement``.
@@ -53,6 +61,7 @@ class Reconstruction:
             ``(N,)`` where every snapshot has its own.
         warnings: what speaks against mask, numbers or result, a line each; empty if nothing does.
         white: the value of ``video`` that pictures show as white.
+        scores: in colour, PSNR in dB and SSIM of red, green and blue, where the file has the frames as well.
     """
 
     video: np.ndarray
@@ -62,6 +71,7 @@ class Reconstruction:
     aperture: float | torch.Tensor
     warnings: tuple[str, ...] = ()
     white: float = 1.0
+    scores: dict[str, float] = field(default_factory=dict)
 
     def save(self, folder: str | Path, fps: float = 8.0) -> list[str]:
         """Write ``frames/`` (PNG), ``video.gif``, ``video.mp4`` and ``overview.png``; return what to know about them.
@@ -100,6 +110,7 @@ def reconstruct(
     mask_dark: float | None = None,
     mask_white: float | None = None,
     raw: RawLayout | None = None,
+    bayer: str | None = None,
     full_scale: float | None = None,
     aperture: float | str | torch.Tensor | None = None,
     tile: str | Sequence[int] = "auto",
@@ -137,6 +148,7 @@ def reconstruct(
         mask_dark, mask_white: numbers in the mask's file that are transmittance 0 and 1, see
             :func:`~sci_lightning.files.mask_file.transmittance`.
         raw: how a file of raw numbers without a header is packed.
+        bayer: colours of 2 x 2 pixels of the snapshots, row by row, such as ``rggb``; None: of the encoder's sensor.
         full_scale: the number that is 1.0; None: of the encoder's sensor, or chosen from the numbers.
         aperture: light scale; ``auto`` for an exposure that a white scene fills; None: what the measurement
             carries (``(N,)`` where every snapshot has its own), that of the encoder's sensor, or chosen from the
@@ -181,7 +193,7 @@ def reconstruct(
         patterns = torch.from_numpy(np.ascontiguousarray(read))
     if encoder is None:
         encoder = _ideal_encoder(patterns)
-    pipeline = Pipeline(encoder, decoder.eval())
+    pipeline = Pipeline(encoder, decoder.eval(), bayer=bayer)
     own = patterns is None
     with torch.no_grad():
         patterns = pipeline.decoder_mask() if patterns is None else patterns
@@ -189,6 +201,12 @@ def reconstruct(
         snapshot = snapshot.as_sum(float(patterns.sum(0).max()))
     values = snapshot.measurement[:, rows, columns]
     _check_fit(patterns, values, decoder, frames, f"mask={mask}" if mask else "the encoder's mask", snapshot.name)
+    if (bayer := pipeline.bayer) is not None:
+        check_bayer(bayer, values.shape[1:])
+        if (rows.start or 0) % 2 or (columns.start or 0) % 2:
+            raise BadInput(f"bayer={bayer}: the mask begins inside a cell of 2 x 2 pixels; give an even mask_origin=")
+        demosaicing()  # refused before anything is decoded
+    truth = None if bayer is None else _true_colours(measurement, (len(values), *patterns.shape))
     light, why = resolve_aperture(aperture, encoder, patterns, float(values.max()), own)
     exposure = bit_depth is not None or float(values.max()) <= 1
     scales = torch.as_tensor(light).reshape(-1, 1, 1)
@@ -207,10 +225,14 @@ def reconstruct(
         warnings.append(f"{snapshot.name}: {line}")
         (warn or (lambda text: say(f"warning: {text}")))(warnings[-1])
 
+    def in_gray(image: torch.Tensor) -> torch.Tensor:
+        return image if bayer is None else sub_lattices(image)[1 if bayer[0] != "g" else 0]
+
     def decoded() -> Iterator[np.ndarray]:
         nonlocal done
         for one in linear:
-            yield pipeline.decode(one[None].to(torch_device), patterns, choice)[0].float().cpu().numpy()
+            video = pipeline.decode(one[None].to(torch_device), patterns, choice).float().cpu()
+            yield (video if bayer is None else demosaiced(video, bayer).movedim(1, -1))[0].numpy()
             done += 1
             show("decoded")
 
@@ -218,7 +240,7 @@ def reconstruct(
     earlier, decoder.watch = decoder.watch, show
     try:
         with torch.no_grad(), mixed_precision(computed_in, torch_device):  # refused before anything else takes its time
-            choice.tiling(decoder, values[:1].to(torch_device), patterns)
+            choice.tiling(decoder, in_gray(values[:1]).to(torch_device), in_gray(patterns))
         with torch.no_grad():
             linear, patterns = linear_with_mask(pipeline.linearise(values.to(torch_device), light), patterns)
             linear = linear.cpu()
@@ -226,18 +248,22 @@ def reconstruct(
         say(f"full_scale={snapshot.full_scale:g} ({snapshot.chosen or 'as given'}), aperture={in_words} ({why})")
         if networks:
             say(describe_precision(computed_in, torch_device))
-        for line in (doubt, mask_warning(linear * scales, patterns.cpu())):
+        for line in (doubt, mask_warning(in_gray(linear * scales), in_gray(patterns.cpu()))):
             if line:
                 doubted(line)
         with torch.no_grad(), mixed_precision(computed_in, torch_device):
-            video = _kept(decoded(), (len(values), *patterns.shape), None if out is None else Path(out))
+            shape = (len(values), *patterns.shape, *([] if bayer is None else [len(CHANNELS)]))
+            video = _kept(decoded(), shape, None if out is None else Path(out))
     finally:
         decoder.watch = earlier
     bright = bright_end(video)
     if not warnings and (line := doubtful_brightness(bright, snapshot.full_scale, lightest)):
         doubted(line)
     white = bright if bright > 0 and not SEEN[0] <= bright <= SEEN[1] else 1.0
-    result = Reconstruction(video, values, patterns.cpu(), snapshot.full_scale, light, tuple(warnings), white)
+    scores = {} if truth is None else _scores(video, truth)
+    if scores:
+        say("compared with orig: " + ", ".join(f"{key} {number(key, value)}" for key, value in scores.items()))
+    result = Reconstruction(video, values, patterns.cpu(), snapshot.full_scale, light, tuple(warnings), white, scores)
     for note in [] if out is None else result.save(out, fps):
         say(note)
     return result
@@ -264,6 +290,37 @@ def _check_fit(
             f"{decoder.frames} frames: give a mask of {decoder.frames}, or a decoder for any number of frames, such as "
             "decoder=gap_tv or linear"
         )
+
+
+def _true_colours(source: object, shape: tuple[int, ...]) -> np.ndarray | None:
+    """Return the frames ``(N, T, H, W, 3)`` that a file of snapshots holds as well, as ``orig``; None for none."""
+    if not isinstance(source, (str, Path)) or not {"orig"} & arrays_beside(source):
+        return None
+    frames = read_video_array(source, "orig", colour=True)[: shape[0] * shape[1]]
+    if frames.shape != (shape[0] * shape[1], *shape[2:], len(CHANNELS)):
+        raise BadInput(f"{source}: orig has {frames.shape} frames, of {shape} (N, T, H, W) the snapshots; leave it out")
+    return frames.reshape(*shape, len(CHANNELS))
+
+
+def arrays_beside(source: str | Path) -> set[str]:
+    """Return the names of the arrays in the file of a snapshot; none where it is no file of arrays.
+
+    Raises:
+        BadInput: it is damaged.
+    """
+    try:
+        return array_names(source) if Path(source).suffix.lower() in ENDINGS[1:] else set()
+    except Exception as error:  # the readers raise whatever they like on a damaged file
+        raise BadInput(f"{source}: not readable, damaged or truncated ({excerpt(error)})") from error
+
+
+def _scores(video: np.ndarray, truth: np.ndarray) -> dict[str, float]:
+    """Return PSNR in dB and SSIM of videos ``(N, T, H, W, 3)``, of each channel and their means."""
+    metrics = in_colour({"psnr": PSNR()} | ({"ssim": SSIM()} if min(truth.shape[2:4]) >= SSIM.smallest else {}))
+    for pair in zip(video, truth, strict=True):
+        for metric in metrics.values():
+            metric.update(*(torch.from_numpy(np.array(frames)).movedim(-1, 0) for frames in pair))
+    return {name: float(metric.compute()) for name, metric in metrics.items()}
 
 
 def _ideal_encoder(mask: torch.Tensor | None) -> Encoder:

@@ -80,7 +80,7 @@ def print_results(metrics: RunMetrics, console: PlainConsole) -> None:
 
 def number(key: str, value: float) -> str:
     """Return a value with the digits that its metric is printed with."""
-    return f"{value:.4f}" if key == "ssim" else f"{value:.2f}"
+    return f"{value:.4f}" if key.startswith("ssim") else f"{value:.2f}"
 
 
 def hparams(metrics: RunMetrics) -> dict[str, Any]:
