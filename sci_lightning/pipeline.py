@@ -29,8 +29,8 @@ class Pipeline(nn.Module):
         camera: the encoder that the decoder believes in, which may differ from the one that records, as a camera in a
             laboratory differs from its model; None for ``encoder`` itself.
         bayer: colours of 2 x 2 pixels of the measurements, which are then decoded as four snapshots of half the height
-            and width; the estimate is a mosaic, see :mod:`sci_lightning.encoder.sensor.bayer`. None: as the camera's
-            sensor has them.
+            and width; the estimate is a mosaic, see :mod:`sci_lightning.encoder.sensor.bayer`. None: as the
+            encoder's sensor has them.
 
     Example:
         >>> import torch
@@ -48,7 +48,7 @@ class Pipeline(nn.Module):
         self.encoder = encoder
         self.decoder = decoder
         self._camera = camera
-        self.bayer = self.camera.sensor.pattern if bayer is None else bayer
+        self.bayer = encoder.sensor.pattern if bayer is None else bayer
 
     @property
     def camera(self) -> Encoder:

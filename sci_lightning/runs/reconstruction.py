@@ -206,7 +206,7 @@ def reconstruct(
         if (rows.start or 0) % 2 or (columns.start or 0) % 2:
             raise BadInput(f"bayer={bayer}: the mask begins inside a cell of 2 x 2 pixels; give an even mask_origin=")
         demosaicing()  # refused before anything is decoded
-    truth = None if bayer is None else _true_colours(measurement, (len(values), *patterns.shape))
+    truth = None if bayer is None else _true_colours(measurement, (len(values), *patterns.shape), rows, columns)
     light, why = resolve_aperture(aperture, encoder, patterns, float(values.max()), own)
     exposure = bit_depth is not None or float(values.max()) <= 1
     scales = torch.as_tensor(light).reshape(-1, 1, 1)
@@ -292,13 +292,17 @@ def _check_fit(
         )
 
 
-def _true_colours(source: object, shape: tuple[int, ...]) -> np.ndarray | None:
-    """Return the frames ``(N, T, H, W, 3)`` that a file of snapshots holds as well, as ``orig``; None for none."""
-    if not isinstance(source, (str, Path)) or not {"orig"} & arrays_beside(source):
+def _true_colours(source: object, shape: tuple[int, ...], rows: slice, columns: slice) -> np.ndarray | None:
+    """Return the frames ``(N, T, H, W, 3)`` that a file of snapshots holds as well, as ``orig``; None for none.
+
+    Raises:
+        BadInput: they are not in colour, or not those of the snapshots.
+    """
+    if not isinstance(source, (str, Path)) or "orig" not in arrays_beside(source):
         return None
-    frames = read_video_array(source, "orig", colour=True)[: shape[0] * shape[1]]
+    frames = read_video_array(source, "orig", colour=True)[: shape[0] * shape[1], rows, columns]
     if frames.shape != (shape[0] * shape[1], *shape[2:], len(CHANNELS)):
-        raise BadInput(f"{source}: orig has {frames.shape} frames, of {shape} (N, T, H, W) the snapshots; leave it out")
+        raise BadInput(f"{source}: orig is {frames.shape[:3]}, the snapshots show {shape} (N, T, H, W); leave it out")
     return frames.reshape(*shape, len(CHANNELS))
 
 

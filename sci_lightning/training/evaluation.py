@@ -85,8 +85,8 @@ def evaluate(
     watch = None if decoder.global_steps else progress.show_tile
     choice = TileChoice(settings["tile"], say=say, watch=watch)
     metrics = build_metrics(settings.get("metrics") or {}, size)
-    bayer = camera.sensor.pattern
-    if bayer is not None:
+    in_mosaic = encoder.sensor.pattern is not None
+    if in_mosaic:
         demosaicing()  # refused before anything is decoded
         metrics = in_colour(metrics)
     tested = ScoredPipeline(encoder, decoder, camera=camera, metrics=metrics, tile=choice, seed=settings["seed"])
@@ -96,7 +96,7 @@ def evaluate(
     number = torch.empty(1, device=trainer.strategy.root_device)
     with trainer.strategy.precision_plugin.test_step_context():  # what cannot be decoded is refused before it starts
         snapshot, mask = (number.expand(count, *size) for count in (snapshots.batch_size or 1, settings["frames"]))
-        if bayer is not None:
+        if in_mosaic:
             snapshot, mask = sub_lattices(snapshot)[0], sub_lattices(mask)[0]
         choice.tiling(decoder, snapshot, mask)
     try:

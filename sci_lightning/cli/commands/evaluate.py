@@ -100,7 +100,9 @@ def _snapshots(
     source = built(cfg, "data")
     in_colour = encoder.sensor.pattern is not None
     if in_colour and not hasattr(source, "colour_scenes"):
-        raise BadInput(f"encoder/sensor=bayer: data={composition.choice('data')} is gray; data=folder reads colours")
+        raise BadInput(
+            f"encoder/sensor=bayer: data={composition.choice('data')} is gray; data=folder reads clips in colour"
+        )
     try:
         return scene_loader(source.colour_scenes() if in_colour else source.scenes()), ""
     except OtherSize as error:
