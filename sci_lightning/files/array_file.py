@@ -11,6 +11,7 @@ import numpy as np
 
 from sci_lightning.errors import BadInput, InputWarning
 from sci_lightning.files.stored_array import StoredArray, readable_shape
+from sci_lightning.plain_text import excerpt
 
 if TYPE_CHECKING:
     import h5py
@@ -159,18 +160,25 @@ def _arrays(path: Path) -> dict[str, StoredArray]:
 
 
 def array_names(path: str | Path) -> set[str]:
-    """Return the names of the arrays in a .mat, .npz or HDF5 file.
+    """Return the names of the arrays in a .mat, .npz or HDF5 file; none of another file.
 
     Raises:
-        Exception: whatever the readers make of a damaged file.
+        BadInput: a damaged file.
     """
     from sci_lightning.files.hdf5_file import hdf5_datasets, open_hdf5
 
     path = Path(path)
-    if path.suffix.lower() in (".mat", ".npz") and not _is_hdf5(path):
-        return set(_arrays(path))
-    with open_hdf5(path) as file:
-        return set(hdf5_datasets(file))
+    if path.suffix.lower() not in ENDINGS[1:]:
+        return set()
+    try:
+        if path.suffix.lower() in (".mat", ".npz") and not _is_hdf5(path):
+            return set(_arrays(path))
+        with open_hdf5(path) as file:
+            return set(hdf5_datasets(file))
+    except BadInput:
+        raise
+    except Exception as error:  # the readers raise whatever they like on a damaged file
+        raise BadInput(f"{path}: not a readable {path.suffix} file, damaged or truncated ({excerpt(error)})") from error
 
 
 def _is_hdf5(path: Path) -> bool:

@@ -20,12 +20,11 @@ from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.encoder import Encoder
-from sci_lightning.encoder.mask import Measured
 from sci_lightning.encoder.sensor import Ideal
 from sci_lightning.encoder.sensor.bayer import check_bayer, demosaiced, demosaicing, sub_lattices
 from sci_lightning.errors import BadInput
 from sci_lightning.figures.animation import write_frames, write_gif, write_mp4, write_overview
-from sci_lightning.files.array_file import ENDINGS, array_names
+from sci_lightning.files.array_file import array_names
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.mask_file import doubtful_axes
 from sci_lightning.files.memory_bound import check_memory
@@ -35,7 +34,6 @@ from sci_lightning.measurement import Measurement, linear_with_mask
 from sci_lightning.metrics import PSNR, SSIM
 from sci_lightning.metrics.colour import CHANNELS, in_colour
 from sci_lightning.pipeline import Pipeline
-from sci_lightning.plain_text import excerpt
 from sci_lightning.runs.device import resolve_device
 from sci_lightning.runs.precision import describe_precision, mixed_precision, resolve_precision
 from sci_lightning.runs.results import number
@@ -192,7 +190,9 @@ def reconstruct(
         read, rows, columns = mask_of_snapshots(mask, snapshot.measurement.numpy(), **placed, levels=levels)
         patterns = torch.from_numpy(np.ascontiguousarray(read))
     if encoder is None:
-        encoder = _ideal_encoder(patterns)
+        if patterns is None:
+            raise BadInput(f"nothing says which mask the snapshot was taken with; {GIVE_MASK}, or an encoder")
+        encoder = Encoder(patterns, Ideal(), aperture=1.0)
     pipeline = Pipeline(encoder, decoder.eval(), bayer=bayer)
     own = patterns is None
     with torch.no_grad():
@@ -298,24 +298,12 @@ def _true_colours(source: object, shape: tuple[int, ...], rows: slice, columns: 
     Raises:
         BadInput: they are not in colour, or not those of the snapshots.
     """
-    if not isinstance(source, (str, Path)) or "orig" not in arrays_beside(source):
+    if not isinstance(source, (str, Path)) or "orig" not in array_names(source):
         return None
     frames = read_video_array(source, "orig", colour=True)[: shape[0] * shape[1], rows, columns]
     if frames.shape != (shape[0] * shape[1], *shape[2:], len(CHANNELS)):
         raise BadInput(f"{source}: orig is {frames.shape[:3]}, the snapshots show {shape} (N, T, H, W); leave it out")
     return frames.reshape(*shape, len(CHANNELS))
-
-
-def arrays_beside(source: str | Path) -> set[str]:
-    """Return the names of the arrays in the file of a snapshot; none where it is no file of arrays.
-
-    Raises:
-        BadInput: it is damaged.
-    """
-    try:
-        return array_names(source) if Path(source).suffix.lower() in ENDINGS[1:] else set()
-    except Exception as error:  # the readers raise whatever they like on a damaged file
-        raise BadInput(f"{source}: not readable, damaged or truncated ({excerpt(error)})") from error
 
 
 def _scores(video: np.ndarray, truth: np.ndarray) -> dict[str, float]:
@@ -325,16 +313,6 @@ def _scores(video: np.ndarray, truth: np.ndarray) -> dict[str, float]:
         for metric in metrics.values():
             metric.update(*(torch.from_numpy(np.array(frames)).movedim(-1, 0) for frames in pair))
     return {name: float(metric.compute()) for name, metric in metrics.items()}
-
-
-def _ideal_encoder(mask: torch.Tensor | None) -> Encoder:
-    """Return an encoder with a mask, without effects or a sensor."""
-    if mask is None:
-        raise BadInput(f"nothing says which mask the snapshot was taken with; {GIVE_MASK}, or an encoder")
-    frames, height, width = mask.shape
-    shown = Measured(None, frames, (height, width))
-    shown.pattern.copy_(mask)
-    return Encoder(shown, Ideal(), aperture=1.0)
 
 
 def _kept(parts: Iterator[np.ndarray], shape: tuple[int, ...], out: Path | None) -> np.ndarray:

@@ -68,8 +68,9 @@ def reconstruct(composition: Composition) -> None:
     from sci_lightning.cli.next_command import browser, print_next
     from sci_lightning.decoder.layers import kernels
     from sci_lightning.errors import BadInput
+    from sci_lightning.files.array_file import array_names
     from sci_lightning.files.packed_file import raw_layout
-    from sci_lightning.runs.reconstruction import FILES, arrays_beside
+    from sci_lightning.runs.reconstruction import FILES
     from sci_lightning.runs.reconstruction import reconstruct as decode_snapshots
     from sci_lightning.weights import ANY_MASK, BEST
 
@@ -81,7 +82,7 @@ def reconstruct(composition: Composition) -> None:
     checkpoint = resolve_checkpoint("reconstruct", composition)
     mask_of_training = (cfg.ckpt_path or cfg.weights) and checkpoint.config["names"]["encoder"] != ANY_MASK
     if not mask_of_training and cfg.mask is None and not _mask_is_known(composition):
-        if not {"mask", "mask_bayer"} & arrays_beside(cfg.measurement):
+        if not {"mask", "mask_bayer"} & array_names(cfg.measurement):
             raise BadInput(
                 "nothing says which mask the snapshot was taken with, and a random one would decode noise: give "
                 "mask=FILE (MAT, NPY, H5), encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt"
