@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
+import warnings
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,7 +25,7 @@ from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.sensor import Ideal
 from sci_lightning.encoder.sensor.bayer import check_bayer, demosaiced, demosaicing, sub_lattices
-from sci_lightning.errors import BadInput
+from sci_lightning.errors import BadInput, InputWarning
 from sci_lightning.figures.animation import write_frames, write_gif, write_mp4, write_overview
 from sci_lightning.files.array_file import array_names
 from sci_lightning.files.atomic_file import atomic_write
@@ -30,6 +33,7 @@ from sci_lightning.files.mask_file import doubtful_axes
 from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.files.npy_file import write_npy
 from sci_lightning.files.packed_file import RawLayout
+from sci_lightning.files.tiff_file import BAYER
 from sci_lightning.measurement import Measurement, linear_with_mask
 from sci_lightning.metrics import PSNR, SSIM
 from sci_lightning.metrics.colour import CHANNELS, in_colour
@@ -179,7 +183,10 @@ def reconstruct(
     networks = count_parameters(decoder) > 0
     computed_in = resolve_precision(precision, torch_device, networks)
     bit_depth = None if encoder is None else encoder.sensor.bit_depth
-    snapshot = read_snapshot(measurement, key=key, full_scale=full_scale, bit_depth=bit_depth, raw=raw)
+    if bayer is None and encoder is not None:
+        bayer = encoder.sensor.pattern
+    with _quiet_about_colour(bayer):
+        snapshot = read_snapshot(measurement, key=key, full_scale=full_scale, bit_depth=bit_depth, raw=raw)
     patterns, rows, columns = None, slice(None), slice(None)
     placed: dict[str, Any] = {"key": mask_key, "step": mask_step, "origin": mask_origin, "slots": mask_slots}
     of_mask = {**placed, "dark": mask_dark, "white": mask_white}
@@ -187,7 +194,8 @@ def reconstruct(
         raise BadInput(f"mask_{unused[0]}={of_mask[unused[0]]}: belongs to a mask; give mask=FILE as well")
     if mask is not None:
         levels = (mask_dark, mask_white)
-        read, rows, columns = mask_of_snapshots(mask, snapshot.measurement.numpy(), **placed, levels=levels)
+        with _quiet_about_colour(bayer):
+            read, rows, columns = mask_of_snapshots(mask, snapshot.measurement.numpy(), **placed, levels=levels)
         patterns = torch.from_numpy(np.ascontiguousarray(read))
     if encoder is None:
         if patterns is None:
@@ -201,7 +209,7 @@ def reconstruct(
         snapshot = snapshot.as_sum(float(patterns.sum(0).max()))
     values = snapshot.measurement[:, rows, columns]
     _check_fit(patterns, values, decoder, frames, f"mask={mask}" if mask else "the encoder's mask", snapshot.name)
-    if (bayer := pipeline.bayer) is not None:
+    if bayer is not None:
         check_bayer(bayer, values.shape[1:])
         if (rows.start or 0) % 2 or (columns.start or 0) % 2:
             raise BadInput(f"bayer={bayer}: the mask begins inside a cell of 2 x 2 pixels; give an even mask_origin=")
@@ -215,15 +223,15 @@ def reconstruct(
 
     pipeline.to(torch_device)
     patterns = patterns.to(torch_device)
-    done, warnings = 0, []
+    done, doubts = 0, []
 
     def show(state: object) -> None:
         if watch is not None:
             watch(done / len(values), str(state))
 
     def doubted(line: str) -> None:
-        warnings.append(f"{snapshot.name}: {line}")
-        (warn or (lambda text: say(f"warning: {text}")))(warnings[-1])
+        doubts.append(f"{snapshot.name}: {line}")
+        (warn or (lambda text: say(f"warning: {text}")))(doubts[-1])
 
     def in_gray(image: torch.Tensor) -> torch.Tensor:
         return image if bayer is None else sub_lattices(image)[1 if bayer[0] != "g" else 0]
@@ -257,16 +265,25 @@ def reconstruct(
     finally:
         decoder.watch = earlier
     bright = bright_end(video)
-    if not warnings and (line := doubtful_brightness(bright, snapshot.full_scale, lightest)):
+    if not doubts and (line := doubtful_brightness(bright, snapshot.full_scale, lightest)):
         doubted(line)
     white = bright if bright > 0 and not SEEN[0] <= bright <= SEEN[1] else 1.0
     scores = {} if truth is None else _scores(video, truth)
     if scores:
         say("compared with orig: " + ", ".join(f"{key} {number(key, value)}" for key, value in scores.items()))
-    result = Reconstruction(video, values, patterns.cpu(), snapshot.full_scale, light, tuple(warnings), white, scores)
+    result = Reconstruction(video, values, patterns.cpu(), snapshot.full_scale, light, tuple(doubts), white, scores)
     for note in [] if out is None else result.save(out, fps):
         say(note)
     return result
+
+
+@contextmanager
+def _quiet_about_colour(bayer: str | None) -> Iterator[None]:
+    """Say nothing of a mosaic in a file whose colours are known: the warning asks for them."""
+    with warnings.catch_warnings():
+        if bayer is not None:
+            warnings.filterwarnings("ignore", f".*{re.escape(BAYER)}", InputWarning)
+        yield
 
 
 def _check_fit(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import sys
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,12 @@ import numpy as np
 import pytest
 from PIL import Image
 from scipy.io import savemat
+from tifffile import imwrite
 
+from sci_lightning.cli.notebook import load_decoder
 from sci_lightning.data import Folder
+from sci_lightning.errors import InputWarning
+from sci_lightning.runs.reconstruction import reconstruct
 
 SIDE, SLOTS = 32, 4
 QUICK = ["decoder=gap_tv", "decoder.iterations=[2]", "out=run"]
@@ -82,6 +87,20 @@ def test_a_mask_of_its_own_takes_the_place_of_the_files(
     printed = ran("reconstruct", *RECONSTRUCT, "mask=mask.mat")
     assert "psnr" not in printed and "seems to be a mosaic" not in printed
     assert np.load(tmp_path / "run" / "reconstruction.npy").shape == (2, SLOTS, SIDE, SIDE, 3)
+
+
+def test_a_file_that_says_it_is_a_mosaic(arrays: dict[str, Any], demosaicing: None, tmp_path: Path) -> None:
+    """A warning asks for the colours, unless they are given."""
+    imwrite(tmp_path / "mosaic.tiff", (arrays["meas_bayer"][..., 0] / SLOTS).astype(np.uint8), photometric="cfa")
+    savemat(tmp_path / "mask.mat", {"mask": arrays["mask_bayer"]})
+    decoder = load_decoder("gap_tv", ["decoder.iterations=[2]"])
+    given = {"mask": tmp_path / "mask.mat", "say": lambda line: None}
+    with pytest.warns(InputWarning, match="give bayer=rggb"):
+        assert reconstruct(tmp_path / "mosaic.tiff", decoder, **given).video.shape == (1, SLOTS, SIDE, SIDE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", InputWarning)
+        result = reconstruct(tmp_path / "mosaic.tiff", decoder, bayer="grbg", **given)
+    assert result.video.shape == (1, SLOTS, SIDE, SIDE, 3) and not result.scores
 
 
 def test_what_reconstruct_refuses(
