@@ -11,6 +11,7 @@ from sci_lightning.decoder.decoder import Decoder
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.encoder.encoder import Encoder
 from sci_lightning.encoder.irradiance import check_irradiance
+from sci_lightning.encoder.sensor.bayer import interleaved, sub_lattices
 from sci_lightning.measurement import Measurement, linear_with_mask
 
 
@@ -27,6 +28,9 @@ class Pipeline(nn.Module):
         decoder: what reconstructs; the pipeline never changes its mode (``train``, ``eval``) or its weights.
         camera: the encoder that the decoder believes in, which may differ from the one that records, as a camera in a
             laboratory differs from its model; None for ``encoder`` itself.
+        bayer: colours of 2 x 2 pixels of the measurements, which are then decoded as four snapshots of half the height
+            and width; the estimate is a mosaic, see :mod:`sci_lightning.encoder.sensor.bayer`. None: as the
+            encoder's sensor has them.
 
     Example:
         >>> import torch
@@ -37,11 +41,14 @@ class Pipeline(nn.Module):
         (2, 4, 16, 16)
     """
 
-    def __init__(self, encoder: Encoder, decoder: Decoder, camera: Encoder | None = None) -> None:
+    def __init__(
+        self, encoder: Encoder, decoder: Decoder, camera: Encoder | None = None, bayer: str | None = None
+    ) -> None:
         super().__init__()
         self.encoder = encoder
         self.decoder = decoder
         self._camera = camera
+        self.bayer = encoder.sensor.pattern if bayer is None else bayer
 
     @property
     def camera(self) -> Encoder:
@@ -130,5 +137,11 @@ class Pipeline(nn.Module):
         """
         linear, mask = linear_with_mask(linear, self.decoder_mask() if mask is None else mask)
         choice = tile if isinstance(tile, TileChoice) else TileChoice(tile)
+        if self.bayer is None:
+            return self._decode(linear, mask, choice)
+        parts = zip(sub_lattices(linear), sub_lattices(mask), strict=True)
+        return interleaved([self._decode(*part, choice) for part in parts])
+
+    def _decode(self, linear: torch.Tensor, mask: torch.Tensor, choice: TileChoice) -> torch.Tensor:
         tiling = choice.tiling(self.decoder, linear, mask)
         return self.decoder(linear, mask) if tiling is None else self.decoder.in_tiles(linear, mask, tiling)

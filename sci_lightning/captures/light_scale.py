@@ -89,9 +89,9 @@ def resolve_aperture(
 
 
 def bright_end(video: np.ndarray) -> float:
-    """Return the bright end of a video ``(N, T, H, W)``, from some of its pixels."""
+    """Return the bright end of a video ``(N, T, H, W)``, or of one in colour, from some of its pixels."""
     step = max(1, int((video.size / MOST_SAMPLED) ** 0.5))
-    return float(np.quantile(video[..., ::step, ::step], BRIGHT))
+    return float(np.quantile(video[:, :, ::step, ::step], BRIGHT))
 
 
 def doubtful_brightness(bright: float, full_scale: float, aperture: float) -> str:

@@ -28,6 +28,8 @@ TRAINING = (
 )
 HELD_OUT = ("camera.png", "coffee.png", "coins.png", "gravel.png")
 """Photographs inside the installed package: nothing is downloaded, and no picture is used for both."""
+COLOURED = ("coffee.png", "hubble_deep_field.jpg", "retina.jpg")
+"""Photographs in colour that no training uses."""
 
 MOST_BYTES = 256 * 2**20
 """Most bytes of all photographs of a file: as float32 and in three resolutions they take five times as much memory."""
@@ -53,8 +55,12 @@ class Photograph:
         return self.levels[k], scale / 2**k
 
 
-def load_photographs(names: tuple[str, ...]) -> list[Photograph]:
-    """Load photographs by file name; raise BadInput if the installed scikit-image lacks one."""
+def load_photographs(names: tuple[str, ...], band: int | None = None) -> list[Photograph]:
+    """Load photographs by file name, as luma or red (0), green (1) or blue (2) alone.
+
+    Raises:
+        BadInput: the installed scikit-image lacks one.
+    """
     import skimage
     from PIL import Image
 
@@ -63,10 +69,10 @@ def load_photographs(names: tuple[str, ...]) -> list[Photograph]:
     for name in names:
         try:
             with Image.open(folder / name) as image:
-                luma = np.array(image.convert("L"))
+                levels = np.array(image.convert("L") if band is None else image.convert("RGB").getchannel(band))
         except OSError as error:
             raise BadInput(f"{folder / name}: missing; reinstall scikit-image, which brings it") from error
-        photographs.append(_photograph(Path(name).stem, luma))
+        photographs.append(_photograph(Path(name).stem, levels))
     return photographs
 
 

@@ -1,4 +1,4 @@
-"""Reading clips from disk, frame by frame, as 8-bit luma."""
+"""Reading clips from disk, frame by frame, as 8-bit luma or in colour."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ def read_clip(path: str | Path) -> np.ndarray:
     return np.stack(list(read_frames(path)))
 
 
-def read_frames(path: str | Path) -> Iterator[np.ndarray]:
-    """Yield the frames of the clip at ``path``, uint8 ``(H, W)`` luma, all of one size.
+def read_frames(path: str | Path, colour: bool = False) -> Iterator[np.ndarray]:
+    """Yield the frames of the clip at ``path``, uint8 ``(H, W)`` luma or ``(3, H, W)`` in colour, all of one size.
 
     ``path`` is a MATLAB or HDF5 file (see :func:`~sci_lightning.data.video_array.read_video_array`), an
     ``.npz`` file (its array ``frames`` or ``orig``, else its first array of three dimensions or of
@@ -85,16 +85,16 @@ def read_frames(path: str | Path) -> Iterator[np.ndarray]:
     video file. Colour becomes luma by full-range BT.601.
 
     Raises:
-        BadInput: no frames, frames of unequal size, values that are not finite or out of range, a file
-            that is missing, truncated or otherwise unreadable, or PyAV is not installed.
+        BadInput: no frames, in colour gray frames, frames of unequal size, values that are not finite or out of range,
+            a file that is missing, truncated or otherwise unreadable, or PyAV is not installed.
     """
     path = Path(path)
     if path.is_dir():
-        frames = _read_images(path)
+        frames = _read_images(path, colour)
     elif path.suffix.lower() == ".npz":
         frames = _read_npz(path)
     elif path.suffix.lower() in ARRAYS:
-        frames = iter(read_video_array(path, VIDEO_NAMES))
+        frames = iter(read_video_array(path, VIDEO_NAMES, colour=colour))
     elif path.suffix.lower() in VIDEOS:
         frames = _read_video(path)
     else:
@@ -109,7 +109,7 @@ def read_frames(path: str | Path) -> Iterator[np.ndarray]:
                     f"{path}: frame {number} has {frame.shape[:2]} pixels, the frames before it {shape}; "
                     "all frames of a clip must have one size"
                 )
-            yield _luma(frame, f"{path}, frame {number}")
+            yield _levels(frame, f"{path}, frame {number}", colour)
     if shape is None:
         raise BadInput(f"{path}: holds no frames")
 
@@ -144,7 +144,7 @@ def _read_npz(path: Path) -> Iterator[np.ndarray]:
     yield from frames
 
 
-def _read_images(folder: Path) -> Iterator[np.ndarray]:
+def _read_images(folder: Path, colour: bool) -> Iterator[np.ndarray]:
     from PIL import Image
 
     for file in frame_files(folder):
@@ -156,8 +156,11 @@ def _read_images(folder: Path) -> Iterator[np.ndarray]:
         with _naming(file), image:
             if image.mode.startswith(("I", "F")):
                 raise BadInput(f"{file}: its pixels are of kind {image.mode}; expected 8-bit images")
-            image.draft("L", image.size)  # a JPEG holds luma as it is: skip its colours
-            frame = np.asarray(image.convert("L"))  # by full-range BT.601 too
+            if colour and image.mode not in ("1", "L", "LA"):
+                frame = np.asarray(image.convert("RGB"))
+            else:
+                image.draft("L", image.size)  # a JPEG holds luma as it is: skip its colours
+                frame = np.asarray(image.convert("L"))  # by full-range BT.601 too
         yield frame
 
 
@@ -203,8 +206,8 @@ def _duration(stream: Any) -> float | None:
         return None
 
 
-def _luma(frame: np.ndarray, where: str) -> np.ndarray:
-    """Return uint8 (H, W) from uint8 or floating point in [0, 1], (H, W) or (H, W, 3)."""
+def _levels(frame: np.ndarray, where: str, colour: bool) -> np.ndarray:
+    """Return uint8 (H, W), in colour (3, H, W), from uint8 or floating point in [0, 1], (H, W) or (H, W, 3)."""
     if np.issubdtype(frame.dtype, np.floating):
         low, high = float(frame.min()), float(frame.max())
         if not (low >= 0 and high <= 1):  # written so that NaN fails too
@@ -212,8 +215,10 @@ def _luma(frame: np.ndarray, where: str) -> np.ndarray:
         frame = frame * np.float32(255)
     elif frame.dtype != np.uint8:
         raise BadInput(f"{where}: values of type {frame.dtype}; expected uint8, or floats in [0, 1]")
+    if colour and frame.ndim != 3:
+        raise BadInput(f"{where}: is gray, and encoder/sensor=bayer records scenes in colour; give a clip in colour")
     if frame.ndim == 3:
-        frame = frame @ BT601
+        frame = np.moveaxis(frame, -1, 0) if colour else frame @ BT601
     return frame if frame.dtype == np.uint8 else np.rint(frame).astype(np.uint8)
 
 

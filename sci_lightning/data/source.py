@@ -52,6 +52,7 @@ class Clips(Dataset[torch.Tensor]):
 class Source(Protocol):
     """A source of video.
 
+    One that has ``colour_scenes()`` as well returns its scenes in red, green and blue, ``(N, 3, T, H, W)``, by it.
     Both methods raise :class:`~sci_lightning.errors.BadInput` if the source has no such clips or scenes.
     """
 

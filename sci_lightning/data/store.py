@@ -37,6 +37,8 @@ Layout: TypeAlias = tuple[tuple[int, int, int], int]
 class ClipStore:
     """The clips of a list of files and folders, each a read-only uint8 ``(F, H, W)`` array of luma.
 
+    In colour it is ``(3 F, H, W)``: red, green and blue of the first frame, then of the next.
+
     Every clip is decoded once into an ``.npy`` file of the store folder. The file is named after a hash
     of the clip's path, size and modification time: what was decoded by an earlier or an interrupted
     run is used again, and a clip that changed is decoded anew. Files appear whole or not at all, also after
@@ -51,24 +53,28 @@ class ClipStore:
         store: the folder to decode into; by default ``sci_lightning/clips`` in the user's cache folder
             (``$XDG_CACHE_HOME``, else ``~/.cache``). It may be deleted at any time between runs.
         open_maps: how many clips stay mapped; opening one again costs about 0.1 ms.
+        colour: whether clips are kept in colour.
 
     Raises:
         BadInput: a clip cannot be read, or the store folder cannot be written.
         MachineFailure: the disk is full.
     """
 
-    def __init__(self, clips: Iterable[Path], store: str | Path | None = None, *, open_maps: int = 128) -> None:
+    def __init__(
+        self, clips: Iterable[Path], store: str | Path | None = None, *, open_maps: int = 128, colour: bool = False
+    ) -> None:
         self.clips = list(clips)
+        self.colour = colour
         self.open_maps = open_maps
         folder = Path(os.path.expanduser(store)) if store is not None else _default_folder()
         self._verified: set[int] = set()
-        self._files = [folder / f"{_fingerprint(clip)}.npy" for clip in self.clips]
+        self._files = [folder / f"{_fingerprint(clip)}{'-rgb' * colour}.npy" for clip in self.clips]
         quiet = all(map(_layout, self._files)) or os.environ.get("LOCAL_RANK", "0") != "0"
         todo = list(zip(self.clips, self._files, strict=True))
         bar = track(todo, "Storing clips", console=PlainConsole(stderr=True), disable=quiet)
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._layouts = [_layout(file) or _decode(clip, file) for clip, file in bar]
+            self._layouts = [_layout(file) or _decode(clip, file, colour) for clip, file in bar]
         except OSError as error:
             if failure := as_machine_failure(error, folder):
                 raise failure from error
@@ -98,7 +104,7 @@ class ClipStore:
         clip, file, layout = self.clips[index], self._files[index], self._layouts[index]
         if _layout(file) != layout or _checksum(file, layout) != _trailer(file)[1]:
             print(f"{file}: damaged, {clip} is decoded anew", file=sys.stderr)
-            if (anew := _write(clip, file)) != layout:
+            if (anew := _write(clip, file, self.colour)) != layout:
                 raise BadInput(
                     f"{clip}: changed while it was in use, from {layout[0]} to {anew[0]} (F, H, W); run again"
                 )
@@ -112,7 +118,8 @@ class ClipStore:
     @property
     def shapes(self) -> list[tuple[int, int, int]]:
         """Shapes (F, H, W) of all clips, without opening any."""
-        return [shape for shape, _ in self._layouts]
+        planes = 3 if self.colour else 1
+        return [(count // planes, height, width) for (count, height, width), _ in self._layouts]
 
 
 def _default_folder() -> Path:
@@ -148,11 +155,11 @@ def _layout(file: Path) -> Layout | None:
         return None
 
 
-def _decode(clip: Path, file: Path) -> Layout:
+def _decode(clip: Path, file: Path, colour: bool) -> Layout:
     """Decode a clip as :func:`_write` does, with a line on stderr if a damaged stored clip is replaced."""
     if file.exists():
         print(f"{file}: damaged, {clip} is decoded anew", file=sys.stderr)
-    return _write(clip, file)
+    return _write(clip, file, colour)
 
 
 def _trailer(file: Path) -> tuple[int, int]:
@@ -176,16 +183,16 @@ def _checksum(file: Path, layout: Layout) -> int:
     return checksum
 
 
-def _write(clip: Path, file: Path) -> Layout:
+def _write(clip: Path, file: Path, colour: bool) -> Layout:
     """Decode ``clip`` into ``file`` with one frame in memory at a time."""
     with atomic_write(file) as temporary, temporary.open("wb") as stream:
         stream.write(_header((0, 0, 0)))  # a placeholder: the number of frames is known at the end
         count, size, pixels = 0, (0, 0), 0
-        for frame in read_frames(clip):
+        for frame in read_frames(clip, colour):
             content = frame.tobytes()
             stream.write(content)
             pixels = zlib.crc32(content, pixels)
-            count, size = count + 1, frame.shape
+            count, size = count + (3 if colour else 1), frame.shape[-2:]
         header = _header((count, *size))
         stream.write(TRAILER.pack(MARK, zlib.crc32(header), pixels))
         stream.seek(0)

@@ -116,6 +116,10 @@ class StoredSource:
         """Return the centres of the held-out clips, float32 ``(N, T, H, W)`` in [0, 1], named after the clips."""
         return stored_scenes(ClipStore(self.held_out, self.store), self.frames, self.size)
 
+    def colour_scenes(self) -> list[Scene]:
+        """Return the same scenes in colour, ``(N, 3, T, H, W)``."""
+        return stored_scenes(ClipStore(self.held_out, self.store, colour=True), self.frames, self.size)
+
 
 class StoredVideo:
     """The centre of one stored clip, read group by group, so that a scene takes no memory until it is used."""
@@ -133,9 +137,11 @@ class StoredVideo:
 
     def __getitem__(self, index: int) -> torch.Tensor:
         group = range(len(self))[index]  # an index out of range raises IndexError, as in a list
-        slots = slice(group * self.frames, (group + 1) * self.frames)
+        planes = (3 if self.store.colour else 1) * self.frames
         rows, columns = self.window
-        return torch.from_numpy(np.array(self.store[self.clip][slots, rows, columns])).float().div_(255)
+        part = self.store[self.clip][group * planes : (group + 1) * planes, rows, columns]
+        video = torch.from_numpy(np.array(part)).float().div_(255)
+        return video.unflatten(0, (self.frames, 3)).movedim(1, 0) if self.store.colour else video
 
 
 def stored_scenes(store: ClipStore, frames: int, size: Sequence[int]) -> list[Scene]:

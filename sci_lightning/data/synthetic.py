@@ -10,7 +10,7 @@ import torch
 
 from sci_lightning.configuration.bounds import ExistingPath, Frames, Repeats, Scenes, Seed, Size
 from sci_lightning.data.moving_scene import MovingScene
-from sci_lightning.data.photographs import HELD_OUT, TRAINING, Photograph, load_photographs, read_photographs
+from sci_lightning.data.photographs import COLOURED, HELD_OUT, TRAINING, Photograph, load_photographs, read_photographs
 from sci_lightning.data.source import Clips, Scene
 from sci_lightning.errors import BadInput
 
@@ -72,6 +72,12 @@ class Synthetic:
         """Return scenes named after the photograph in their background, float32 ``(N, T, H, W)`` in [0, 1]."""
         photographs = load_photographs(HELD_OUT)
         return [self._scene(number, photographs) for number in range(self.scenes_count)]
+
+    def colour_scenes(self) -> list[Scene]:
+        """Return scenes of photographs in colour, float32 ``(N, 3, T, H, W)``: every colour moves in the same way."""
+        bands = [load_photographs(COLOURED, band) for band in range(3)]
+        alike = ([self._scene(number, photographs) for photographs in bands] for number in range(self.scenes_count))
+        return [Scene(one[0].name, torch.stack([torch.as_tensor(scene.video) for scene in one], 1)) for one in alike]
 
     def _scene(self, number: int, photographs: list[Photograph]) -> Scene:
         again, first = divmod(number, len(photographs))

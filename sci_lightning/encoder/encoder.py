@@ -17,6 +17,7 @@ from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.mask import Mask, Measured
 from sci_lightning.encoder.modulator_grid import ModulatorGrid
 from sci_lightning.encoder.physics import deepinv_physics
+from sci_lightning.encoder.sensor.bayer import check_bayer, mosaic
 from sci_lightning.encoder.sensor.sensor import Sensor
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.errors import BadInput, MachineFailure
@@ -30,6 +31,9 @@ LEAST_VARIANCE = 1e-11
 LEAST_LIGHT = 0.05
 """Sum of the squared mask over time, as a part of its mean over the field, below which a pixel counts as dark. At the
 dark edge any value from 0.01 to 0.2 gives the same PSNR to 0.04 dB (GAP-TV, moving textures of the virtual camera)."""
+
+OF_PIXELS = ("vignetting", "illumination")
+"""Effects of optics that act on every pixel by itself, as a mosaic of colours needs it."""
 
 
 class Encoder(nn.Module):
@@ -94,6 +98,10 @@ class Encoder(nn.Module):
             )
         self.path = LightPath((effect for effect in given if effect is not None), grid)
         self._refuse_noise_stated_twice()
+        if sensor.pattern is not None:
+            check_bayer(sensor.pattern, self.size)
+            if mixing := [effect.name for effect in self.path.of(OpticsEffect) if effect.name not in OF_PIXELS]:
+                raise BadInput(f"{mixing[0]} mixes pixels that see several colours: not with encoder/sensor=bayer")
         if sensor.bit_depth is None and self.path.effective_bits(16) < 16:
             raise BadInput(
                 f"an effect leaves {self.path.effective_bits(16)} bits to a sensor that does not round "
@@ -193,7 +201,8 @@ class Encoder(nn.Module):
         """Record one snapshot of every video.
 
         Args:
-            video: float32 ``(N, T, H, W)`` irradiance; 1.0 fills the sensor's range when fully transmitted.
+            video: float32 ``(N, T, H, W)`` irradiance; 1.0 fills the sensor's range when fully transmitted. Before a
+                Bayer sensor ``(N, 3, T, H, W)``, red, green and blue.
             mask: ``(T, qH, qW)`` from :meth:`transmittance`, or a window of whole pixels of it.
             origin: (row, column) of the window's first pixel in the field.
 
@@ -205,6 +214,8 @@ class Encoder(nn.Module):
             BadInput: video and mask differ in T, H or W; a window that is not inside the field.
         """
         q = self.path.cells
+        if self.sensor.pattern is not None and video.ndim == 5 and video.shape[1] == 3:
+            video = mosaic(video, self.sensor.pattern)
         if video.ndim != 4 or (video.shape[1], video.shape[2] * q, video.shape[3] * q) != mask.shape:
             raise misfit(tuple(video.shape), (len(mask), mask.shape[1] // q, mask.shape[2] // q))
         image = SnapshotOperator(mask, q)(video)

@@ -52,6 +52,8 @@ def misfit(video: tuple[int, ...], mask: tuple[int, ...]) -> BadInput:
         advice = "time comes second: give video.permute(0, 3, 1, 2)"
     elif len(video) == 4 and (video[0], *video[2:]) == mask:
         advice = "N and T are exchanged: give video.transpose(0, 1)"
+    elif len(video) == 5 and video[1] == 3:
+        advice = "in colour it needs a sensor with filters, encoder/sensor=bayer"
     elif len(video) == 5 and 1 in video:
         advice = "one axis too many: give a gray video without an axis of colours"
     else:

@@ -35,13 +35,13 @@ Video = torch.Tensor | np.ndarray
 
 
 def picture(frame: Video, white: float = 1.0) -> Image.Image:
-    """Return a frame ``(H, W)`` as a picture of 8 bits: 0 is black, ``white`` and more is white."""
+    """Return a frame ``(H, W)`` or ``(H, W, 3)`` as a picture of 8 bits: 0 is black, ``white`` and more is white."""
     values = frame.detach() if isinstance(frame, torch.Tensor) else torch.from_numpy(np.array(frame))
     return Image.fromarray(((values.float() / white).clamp(0, 1) * 255 + 0.5).to(torch.uint8).cpu().numpy())
 
 
 def write_frames(video: Video, folder: str | Path, white: float = 1.0) -> None:
-    """Write ``(N, T, H, W)`` as 8-bit ``NNN_TT.png``: snapshot and frame, both counted from 0.
+    """Write ``(N, T, H, W)``, in colour ``(N, T, H, W, 3)``, as 8-bit ``NNN_TT.png``: snapshot and frame, from 0.
 
     Frames of that name that an earlier video left in the folder and this one has not are removed.
     """
@@ -58,7 +58,7 @@ def write_frames(video: Video, folder: str | Path, white: float = 1.0) -> None:
 
 
 def write_gif(video: Video, path: str | Path, fps: float = 8.0, white: float = 1.0) -> str:
-    """Write ``(N, T, H, W)`` as one animated GIF that repeats, snapshot after snapshot.
+    """Write ``(N, T, H, W)`` or ``(N, T, H, W, 3)`` as one animated GIF that repeats, snapshot after snapshot.
 
     Args:
         video: nominally in [0, 1].
@@ -107,7 +107,8 @@ def write_mp4(video: Video, path: str | Path, fps: float = 8.0, white: float = 1
         stream = container.add_stream(codec, rate=Fraction(fps).limit_denominator(1000))
         stream.width, stream.height, stream.pix_fmt = *first.size, "yuv420p"
         for shown in (first, *pictures):
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(np.asarray(shown), format="gray")))
+            levels = "gray" if shown.mode == "L" else "rgb24"
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(np.asarray(shown), format=levels)))
         container.mux(stream.encode(None))
     return True
 
@@ -120,16 +121,17 @@ def write_overview(measurement: Video, video: Video, path: str | Path, white: fl
 
     Args:
         measurement: ``(N, H, W)``, shown from 0 to its largest value.
-        video: ``(N, T, H, W)``.
+        video: ``(N, T, H, W)`` or ``(N, T, H, W, 3)``.
         path: of the PNG.
         white: the value of a frame that is shown as white.
     """
-    slots, height, width = video.shape[1:]
+    slots, height, width = video.shape[1:4]
     rows = min(len(video), OVERVIEW_SNAPSHOTS)
     shown = np.linspace(0, slots - 1, min(slots, OVERVIEW_FRAMES)).round().astype(int)
     scale = min(OVERVIEW_WIDTH / (len(shown) + 1) / width, max(1.0, 128 / width), OVERVIEW_WIDTH / height)
     size = max(1, round(width * scale)), max(1, round(height * scale))
-    sheet = Image.new("L", ((len(shown) + 1) * size[0], rows * (size[1] + CAPTION)), 255)
+    mode, paper = ("L", 255) if video.ndim == 4 else ("RGB", (255, 255, 255))
+    sheet = Image.new(mode, ((len(shown) + 1) * size[0], rows * (size[1] + CAPTION)), paper)
     captions = ImageDraw.Draw(sheet)
     for row in range(rows):
         brightest = max(float(measurement[row].max()), 1e-6)
@@ -145,7 +147,7 @@ def write_overview(measurement: Video, video: Video, path: str | Path, white: fl
 
 def _animation(video: Video, most: int, white: float, even: bool = False) -> tuple[Iterator[Image.Image], int, str]:
     """Return the pictures of an animation of at most so many pixels, their number, and what was left out, in words."""
-    snapshots, slots, height, width = video.shape
+    snapshots, slots, height, width = video.shape[:4]
     count = min(snapshots * slots, MOST_FRAMES_SHOWN)
     scale = min(1.0, math.sqrt(most / (count * height * width)))
     size = max(1, round(width * scale)), max(1, round(height * scale))

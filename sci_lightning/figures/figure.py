@@ -74,12 +74,15 @@ def reconstruction_figure(
     """Draw one snapshot: the measurement, then in every column a frame, its reconstruction and the error.
 
     Args:
-        measurement: ``(H, W)``; truth, estimate: ``(T, H, W)``; all with white at 1.0. Without ``truth`` or
-            ``estimate`` the rows that need it are left out.
+        measurement: ``(H, W)``; truth, estimate: ``(T, H, W)``, in colour ``(3, T, H, W)``; all with white at 1.0.
+            Without ``truth`` or ``estimate`` the rows that need it are left out.
         title: heading, such as the scene's name.
         most: frames that are shown; the figure is as wide as they need.
     """
     m = _values(measurement)
+    truth, estimate = (
+        video.movedim(0, -1) if video is not None and video.ndim == 4 else video for video in (truth, estimate)
+    )
     y, x = (None if video is None else _values(video) for video in (truth, estimate))
     rows: dict[str, tuple[np.ndarray, list[str], str]] = {}
     shown = _shown_frames(next(video for video in (truth, estimate) if video is not None), most)
@@ -89,7 +92,8 @@ def reconstruction_figure(
     if x is not None:
         rows["reconstruction"] = x, numbers if y is None else [f"{_psnr(x[i], y[i]):.1f} dB" for i in shown], "gray"
     if x is not None and y is not None:
-        rows["error x 5"] = 5 * np.abs(x - y), [""] * len(shown), "magma"
+        error = np.abs(x - y)
+        rows["error x 5"] = 5 * (error.mean(-1) if error.ndim == 4 else error), [""] * len(shown), "magma"
     figure = NotebookFigure(figsize=(1.55 * (len(shown) + 1), 1.65 * len(rows) + 0.25), layout="constrained")
     figure.suptitle(in_figure(title))
     grid = figure.subplots(len(rows), len(shown) + 1, squeeze=False)
@@ -177,8 +181,9 @@ def _shown_frames(video: torch.Tensor, most: int) -> list[int]:
 
 
 def show_picture(axes: Axes, image: np.ndarray, title: str, high: float = 1.0, colours: str = "gray") -> None:
-    """Draw an image ``(H, W)`` from 0 (black) to ``high`` under a title, without interpolation."""
-    axes.imshow(image, cmap=colours, vmin=0, vmax=high, interpolation="nearest")
+    """Draw an image ``(H, W)`` from 0 (black) to ``high``, or ``(H, W, 3)`` to 1, under a title, not interpolated."""
+    shown = image.clip(0, 1) if image.ndim == 3 else image
+    axes.imshow(shown, cmap=colours, vmin=0, vmax=high, interpolation="nearest")
     axes.set_title(in_figure(title), fontsize=10)
     axes.set(xticks=[], yticks=[])  # hidden ones would take time
     axes.set_axis_off()

@@ -11,6 +11,7 @@ import numpy as np
 
 from sci_lightning.errors import BadInput, InputWarning
 from sci_lightning.files.stored_array import StoredArray, readable_shape
+from sci_lightning.plain_text import excerpt
 
 if TYPE_CHECKING:
     import h5py
@@ -39,7 +40,8 @@ def read_array(
 
     Args:
         path: one of :data:`ENDINGS`.
-        prefer: name of the array when ``key`` is None; failing that the only array with ``dimensions`` will do.
+        prefer: name of the array when ``key`` is None, as it is or with ``_bayer`` behind it; failing that the only
+            array with ``dimensions`` will do.
         dimensions: how many the array must have; axes of length 1 of one that has more are dropped, but in MAT files.
             Of several numbers, arrays of the first come before those of the next, which are looked at only where there
             is none of the first.
@@ -131,7 +133,7 @@ def _choose(
     if path.suffix.lower() == ".npy":
         return arrays[""]
     names = [prefer] if key is None else [key] if isinstance(key, str) else list(key)
-    for name in names:
+    for name in (*names, *([f"{prefer}_bayer"] if key is None else [])):
         if name in arrays:
             return arrays[name]
     by_dimensions = [[array for array in arrays.values() if len(array.shape) == number] for number in dimensions]
@@ -158,18 +160,25 @@ def _arrays(path: Path) -> dict[str, StoredArray]:
 
 
 def array_names(path: str | Path) -> set[str]:
-    """Return the names of the arrays in a .mat, .npz or HDF5 file.
+    """Return the names of the arrays in a .mat, .npz or HDF5 file; none of another file.
 
     Raises:
-        Exception: whatever the readers make of a damaged file.
+        BadInput: a damaged file.
     """
     from sci_lightning.files.hdf5_file import hdf5_datasets, open_hdf5
 
     path = Path(path)
-    if path.suffix.lower() in (".mat", ".npz") and not _is_hdf5(path):
-        return set(_arrays(path))
-    with open_hdf5(path) as file:
-        return set(hdf5_datasets(file))
+    if path.suffix.lower() not in ENDINGS[1:]:
+        return set()
+    try:
+        if path.suffix.lower() in (".mat", ".npz") and not _is_hdf5(path):
+            return set(_arrays(path))
+        with open_hdf5(path) as file:
+            return set(hdf5_datasets(file))
+    except BadInput:
+        raise
+    except Exception as error:  # the readers raise whatever they like on a damaged file
+        raise BadInput(f"{path}: not a readable {path.suffix} file, damaged or truncated ({excerpt(error)})") from error
 
 
 def _is_hdf5(path: Path) -> bool:

@@ -79,6 +79,8 @@ class _Element:
 def matlab5_arrays(path: Path) -> dict[str, StoredArray]:
     """List the variables of a MATLAB file of version 5 to 7, time first: ``(H, W, T)`` becomes ``(T, H, W)``.
 
+    ``(H, W, 3, T)`` becomes ``(T, 3, H, W)``.
+
     Raises:
         ValueError: damaged or truncated.
     """
@@ -130,13 +132,13 @@ def is_matlab4(path: Path) -> bool:
 
 
 def _time_first(element: _Element) -> StoredArray:
-    stacked = len(element.shape) == 3
-    shape = (element.shape[2], *element.shape[:2]) if stacked else element.shape
+    stacked = len(element.shape) in (3, 4)
+    shape = (*element.shape[:1:-1], *element.shape[:2]) if stacked else element.shape
     return StoredArray(
         shape,
         element.dtype,
         element.dtype in (*NUMBERS, "logical"),
-        lambda: np.moveaxis(array, -1, 0) if (array := element.read()).ndim == 3 else array,
+        lambda: np.moveaxis(element.read().T, -1, -2) if stacked else element.read(),
     )
 
 

@@ -42,8 +42,8 @@ WHOLE_BYTES = (1, 8, 16, 32, 64)
 """Bits of a sample that tifffile reads by itself."""
 
 BAYER = (
-    "a mosaic of colour filters (Bayer), which is decoded as if it were grey: take one colour's pixels of snapshot and "
-    "mask, such as y[0::2, 0::2] and mask[:, 0::2, 0::2], and decode the four one by one"
+    "a mosaic of colour filters (Bayer): give bayer=rggb (or grbg, gbrg, bggr) to reconstruct it in colour; without it "
+    "it is decoded as if it were grey"
 )
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import re
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,23 +18,29 @@ from sci_lightning.captures.light_scale import bright_end, doubtful_brightness, 
 from sci_lightning.captures.mask_check import mask_warning
 from sci_lightning.captures.mask_fit import mask_of_snapshots
 from sci_lightning.captures.snapshots import read_snapshot
+from sci_lightning.data.video_array import read_video_array
 from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.encoder import Encoder
-from sci_lightning.encoder.mask import Measured
 from sci_lightning.encoder.sensor import Ideal
-from sci_lightning.errors import BadInput
+from sci_lightning.encoder.sensor.bayer import check_bayer, demosaiced, demosaicing, sub_lattices
+from sci_lightning.errors import BadInput, InputWarning
 from sci_lightning.figures.animation import write_frames, write_gif, write_mp4, write_overview
+from sci_lightning.files.array_file import array_names
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.files.mask_file import doubtful_axes
 from sci_lightning.files.memory_bound import check_memory
 from sci_lightning.files.npy_file import write_npy
 from sci_lightning.files.packed_file import RawLayout
+from sci_lightning.files.tiff_file import BAYER
 from sci_lightning.measurement import Measurement, linear_with_mask
+from sci_lightning.metrics import PSNR, SSIM
+from sci_lightning.metrics.colour import CHANNELS, in_colour
 from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.device import resolve_device
 from sci_lightning.runs.precision import describe_precision, mixed_precision, resolve_precision
+from sci_lightning.runs.results import number
 
 GIVE_MASK = "give the mask that the snapshot was taken with: mask=FILE"
 FILES = ("video.gif", "video.mp4", "overview.png")
@@ -45,7 +54,8 @@ class Reconstruction:
     """What a decoder made of snapshots.
 
     Attributes:
-        video: float32 ``(N, T, H, W)``, white is 1; read from ``reconstruction.npy`` as needed where that was written.
+        video: float32 ``(N, T, H, W)``, in colour ``(N, T, H, W, 3)``, white is 1; read from ``reconstruction.npy`` as
+            needed where that was written.
         measurement: ``(N, H, W)``, fractions of full scale.
         mask: ``(T, H, W)``, as the decoder got it.
         full_scale: the number in the file that is 1.0 in ``measurement``.
@@ -53,6 +63,7 @@ class Reconstruction:
             ``(N,)`` where every snapshot has its own.
         warnings: what speaks against mask, numbers or result, a line each; empty if nothing does.
         white: the value of ``video`` that pictures show as white.
+        scores: in colour, PSNR in dB and SSIM of red, green and blue, where the file has the frames as well.
     """
 
     video: np.ndarray
@@ -62,6 +73,7 @@ class Reconstruction:
     aperture: float | torch.Tensor
     warnings: tuple[str, ...] = ()
     white: float = 1.0
+    scores: dict[str, float] = field(default_factory=dict)
 
     def save(self, folder: str | Path, fps: float = 8.0) -> list[str]:
         """Write ``frames/`` (PNG), ``video.gif``, ``video.mp4`` and ``overview.png``; return what to know about them.
@@ -100,6 +112,7 @@ def reconstruct(
     mask_dark: float | None = None,
     mask_white: float | None = None,
     raw: RawLayout | None = None,
+    bayer: str | None = None,
     full_scale: float | None = None,
     aperture: float | str | torch.Tensor | None = None,
     tile: str | Sequence[int] = "auto",
@@ -137,6 +150,7 @@ def reconstruct(
         mask_dark, mask_white: numbers in the mask's file that are transmittance 0 and 1, see
             :func:`~sci_lightning.files.mask_file.transmittance`.
         raw: how a file of raw numbers without a header is packed.
+        bayer: colours of 2 x 2 pixels of the snapshots, row by row, such as ``rggb``; None: of the encoder's sensor.
         full_scale: the number that is 1.0; None: of the encoder's sensor, or chosen from the numbers.
         aperture: light scale; ``auto`` for an exposure that a white scene fills; None: what the measurement
             carries (``(N,)`` where every snapshot has its own), that of the encoder's sensor, or chosen from the
@@ -169,7 +183,10 @@ def reconstruct(
     networks = count_parameters(decoder) > 0
     computed_in = resolve_precision(precision, torch_device, networks)
     bit_depth = None if encoder is None else encoder.sensor.bit_depth
-    snapshot = read_snapshot(measurement, key=key, full_scale=full_scale, bit_depth=bit_depth, raw=raw)
+    if bayer is None and encoder is not None:
+        bayer = encoder.sensor.pattern
+    with _quiet_about_colour(bayer):
+        snapshot = read_snapshot(measurement, key=key, full_scale=full_scale, bit_depth=bit_depth, raw=raw)
     patterns, rows, columns = None, slice(None), slice(None)
     placed: dict[str, Any] = {"key": mask_key, "step": mask_step, "origin": mask_origin, "slots": mask_slots}
     of_mask = {**placed, "dark": mask_dark, "white": mask_white}
@@ -177,11 +194,14 @@ def reconstruct(
         raise BadInput(f"mask_{unused[0]}={of_mask[unused[0]]}: belongs to a mask; give mask=FILE as well")
     if mask is not None:
         levels = (mask_dark, mask_white)
-        read, rows, columns = mask_of_snapshots(mask, snapshot.measurement.numpy(), **placed, levels=levels)
+        with _quiet_about_colour(bayer):
+            read, rows, columns = mask_of_snapshots(mask, snapshot.measurement.numpy(), **placed, levels=levels)
         patterns = torch.from_numpy(np.ascontiguousarray(read))
     if encoder is None:
-        encoder = _ideal_encoder(patterns)
-    pipeline = Pipeline(encoder, decoder.eval())
+        if patterns is None:
+            raise BadInput(f"nothing says which mask the snapshot was taken with; {GIVE_MASK}, or an encoder")
+        encoder = Encoder(patterns, Ideal(), aperture=1.0)
+    pipeline = Pipeline(encoder, decoder.eval(), bayer=bayer)
     own = patterns is None
     with torch.no_grad():
         patterns = pipeline.decoder_mask() if patterns is None else patterns
@@ -189,6 +209,12 @@ def reconstruct(
         snapshot = snapshot.as_sum(float(patterns.sum(0).max()))
     values = snapshot.measurement[:, rows, columns]
     _check_fit(patterns, values, decoder, frames, f"mask={mask}" if mask else "the encoder's mask", snapshot.name)
+    if bayer is not None:
+        check_bayer(bayer, values.shape[1:])
+        if (rows.start or 0) % 2 or (columns.start or 0) % 2:
+            raise BadInput(f"bayer={bayer}: the mask begins inside a cell of 2 x 2 pixels; give an even mask_origin=")
+        demosaicing()  # refused before anything is decoded
+    truth = None if bayer is None else _true_colours(measurement, (len(values), *patterns.shape), rows, columns)
     light, why = resolve_aperture(aperture, encoder, patterns, float(values.max()), own)
     exposure = bit_depth is not None or float(values.max()) <= 1
     scales = torch.as_tensor(light).reshape(-1, 1, 1)
@@ -197,20 +223,24 @@ def reconstruct(
 
     pipeline.to(torch_device)
     patterns = patterns.to(torch_device)
-    done, warnings = 0, []
+    done, doubts = 0, []
 
     def show(state: object) -> None:
         if watch is not None:
             watch(done / len(values), str(state))
 
     def doubted(line: str) -> None:
-        warnings.append(f"{snapshot.name}: {line}")
-        (warn or (lambda text: say(f"warning: {text}")))(warnings[-1])
+        doubts.append(f"{snapshot.name}: {line}")
+        (warn or (lambda text: say(f"warning: {text}")))(doubts[-1])
+
+    def in_gray(image: torch.Tensor) -> torch.Tensor:
+        return image if bayer is None else sub_lattices(image)[1 if bayer[0] != "g" else 0]
 
     def decoded() -> Iterator[np.ndarray]:
         nonlocal done
         for one in linear:
-            yield pipeline.decode(one[None].to(torch_device), patterns, choice)[0].float().cpu().numpy()
+            video = pipeline.decode(one[None].to(torch_device), patterns, choice).float().cpu()
+            yield (video if bayer is None else demosaiced(video, bayer).movedim(1, -1))[0].numpy()
             done += 1
             show("decoded")
 
@@ -218,7 +248,7 @@ def reconstruct(
     earlier, decoder.watch = decoder.watch, show
     try:
         with torch.no_grad(), mixed_precision(computed_in, torch_device):  # refused before anything else takes its time
-            choice.tiling(decoder, values[:1].to(torch_device), patterns)
+            choice.tiling(decoder, in_gray(values[:1]).to(torch_device), in_gray(patterns))
         with torch.no_grad():
             linear, patterns = linear_with_mask(pipeline.linearise(values.to(torch_device), light), patterns)
             linear = linear.cpu()
@@ -226,21 +256,34 @@ def reconstruct(
         say(f"full_scale={snapshot.full_scale:g} ({snapshot.chosen or 'as given'}), aperture={in_words} ({why})")
         if networks:
             say(describe_precision(computed_in, torch_device))
-        for line in (doubt, mask_warning(linear * scales, patterns.cpu())):
+        for line in (doubt, mask_warning(in_gray(linear * scales), in_gray(patterns.cpu()))):
             if line:
                 doubted(line)
         with torch.no_grad(), mixed_precision(computed_in, torch_device):
-            video = _kept(decoded(), (len(values), *patterns.shape), None if out is None else Path(out))
+            shape = (len(values), *patterns.shape, *([] if bayer is None else [len(CHANNELS)]))
+            video = _kept(decoded(), shape, None if out is None else Path(out))
     finally:
         decoder.watch = earlier
     bright = bright_end(video)
-    if not warnings and (line := doubtful_brightness(bright, snapshot.full_scale, lightest)):
+    if not doubts and (line := doubtful_brightness(bright, snapshot.full_scale, lightest)):
         doubted(line)
     white = bright if bright > 0 and not SEEN[0] <= bright <= SEEN[1] else 1.0
-    result = Reconstruction(video, values, patterns.cpu(), snapshot.full_scale, light, tuple(warnings), white)
+    scores = {} if truth is None else _scores(video, truth)
+    if scores:
+        say("compared with orig: " + ", ".join(f"{key} {number(key, value)}" for key, value in scores.items()))
+    result = Reconstruction(video, values, patterns.cpu(), snapshot.full_scale, light, tuple(doubts), white, scores)
     for note in [] if out is None else result.save(out, fps):
         say(note)
     return result
+
+
+@contextmanager
+def _quiet_about_colour(bayer: str | None) -> Iterator[None]:
+    """Say nothing of a mosaic in a file whose colours are known: the warning asks for them."""
+    with warnings.catch_warnings():
+        if bayer is not None:
+            warnings.filterwarnings("ignore", f".*{re.escape(BAYER)}", InputWarning)
+        yield
 
 
 def _check_fit(
@@ -266,14 +309,27 @@ def _check_fit(
         )
 
 
-def _ideal_encoder(mask: torch.Tensor | None) -> Encoder:
-    """Return an encoder with a mask, without effects or a sensor."""
-    if mask is None:
-        raise BadInput(f"nothing says which mask the snapshot was taken with; {GIVE_MASK}, or an encoder")
-    frames, height, width = mask.shape
-    shown = Measured(None, frames, (height, width))
-    shown.pattern.copy_(mask)
-    return Encoder(shown, Ideal(), aperture=1.0)
+def _true_colours(source: object, shape: tuple[int, ...], rows: slice, columns: slice) -> np.ndarray | None:
+    """Return the frames ``(N, T, H, W, 3)`` that a file of snapshots holds as well, as ``orig``; None for none.
+
+    Raises:
+        BadInput: they are not in colour, or not those of the snapshots.
+    """
+    if not isinstance(source, (str, Path)) or "orig" not in array_names(source):
+        return None
+    frames = read_video_array(source, "orig", colour=True)[: shape[0] * shape[1], rows, columns]
+    if frames.shape != (shape[0] * shape[1], *shape[2:], len(CHANNELS)):
+        raise BadInput(f"{source}: orig is {frames.shape[:3]}, the snapshots show {shape} (N, T, H, W); leave it out")
+    return frames.reshape(*shape, len(CHANNELS))
+
+
+def _scores(video: np.ndarray, truth: np.ndarray) -> dict[str, float]:
+    """Return PSNR in dB and SSIM of videos ``(N, T, H, W, 3)``, of each channel and their means."""
+    metrics = in_colour({"psnr": PSNR()} | ({"ssim": SSIM()} if min(truth.shape[2:4]) >= SSIM.smallest else {}))
+    for pair in zip(video, truth, strict=True):
+        for metric in metrics.values():
+            metric.update(*(torch.from_numpy(np.array(frames)).movedim(-1, 0) for frames in pair))
+    return {name: float(metric.compute()) for name, metric in metrics.items()}
 
 
 def _kept(parts: Iterator[np.ndarray], shape: tuple[int, ...], out: Path | None) -> np.ndarray:

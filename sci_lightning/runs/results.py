@@ -9,6 +9,7 @@ from rich.table import Table
 
 from sci_lightning.console import PlainConsole
 from sci_lightning.files.json_file import JsonFile, says
+from sci_lightning.metrics.colour import CHANNELS
 from sci_lightning.runs.cluster_job import ClusterJob
 from sci_lightning.runs.provenance import Provenance
 
@@ -70,7 +71,8 @@ def print_results(metrics: RunMetrics, console: PlainConsole) -> None:
     table.add_column("scene")
     keys = list(metrics.mean)
     for key in keys:
-        table.add_column(UNITS.get(key, key), justify="right")
+        name, _, channel = key.rpartition("_")
+        table.add_column(f"{name.upper()} {channel}" if channel in CHANNELS else UNITS.get(key, key), justify="right")
     for name, values in [*metrics.scenes.items(), ("mean", metrics.mean)]:
         table.add_row(name, *(number(key, values[key]) for key in keys), style="bold" if name == "mean" else "")
     baseline = (number(key, metrics.baseline[key]) for key in keys)
@@ -80,7 +82,7 @@ def print_results(metrics: RunMetrics, console: PlainConsole) -> None:
 
 def number(key: str, value: float) -> str:
     """Return a value with the digits that its metric is printed with."""
-    return f"{value:.4f}" if key == "ssim" else f"{value:.2f}"
+    return f"{value:.4f}" if key.startswith("ssim") else f"{value:.2f}"
 
 
 def hparams(metrics: RunMetrics) -> dict[str, Any]:

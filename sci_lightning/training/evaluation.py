@@ -16,7 +16,9 @@ from sci_lightning.decoder.complexity import count_parameters
 from sci_lightning.decoder.layers import kernels
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
 from sci_lightning.encoder import Encoder
+from sci_lightning.encoder.sensor.bayer import demosaicing, sub_lattices
 from sci_lightning.files.json_file import write_json
+from sci_lightning.metrics.colour import in_colour
 from sci_lightning.runs.checkpoint import Checkpoint
 from sci_lightning.runs.precision import describe_precision, device_of_accelerator, resolve_precision
 from sci_lightning.runs.results import RunMetrics
@@ -83,14 +85,20 @@ def evaluate(
     watch = None if decoder.global_steps else progress.show_tile
     choice = TileChoice(settings["tile"], say=say, watch=watch)
     metrics = build_metrics(settings.get("metrics") or {}, size)
+    in_mosaic = encoder.sensor.pattern is not None
+    if in_mosaic:
+        demosaicing()  # refused before anything is decoded
+        metrics = in_colour(metrics)
     tested = ScoredPipeline(encoder, decoder, camera=camera, metrics=metrics, tile=choice, seed=settings["seed"])
     pictures = ScenePictures(out / "pictures", f"{names['decoder']}, tested on {tested_on}", settings["pictures"])
     callbacks = [progress, pictures]
     trainer = build(settings["trainer"], "trainer", logger=False, enable_checkpointing=False, callbacks=callbacks)
     number = torch.empty(1, device=trainer.strategy.root_device)
     with trainer.strategy.precision_plugin.test_step_context():  # what cannot be decoded is refused before it starts
-        snapshot = number.expand(snapshots.batch_size or 1, *size)
-        choice.tiling(decoder, snapshot, number.expand(settings["frames"], *size))
+        snapshot, mask = (number.expand(count, *size) for count in (snapshots.batch_size or 1, settings["frames"]))
+        if in_mosaic:
+            snapshot, mask = sub_lattices(snapshot)[0], sub_lattices(mask)[0]
+        choice.tiling(decoder, snapshot, mask)
     try:
         trainer.test(tested, snapshots, verbose=False)
     except SIGTERMException as stop:  # an exit without a status, which would read as success

@@ -12,6 +12,7 @@ import torch
 
 from sci_lightning.configuration.build import build
 from sci_lightning.decoder.tiling.tile_choice import TileChoice
+from sci_lightning.encoder.sensor.bayer import demosaiced
 from sci_lightning.errors import BadInput
 from sci_lightning.metrics.frame_metric import FrameMetric, SceneScores, as_frame_metric
 from sci_lightning.operator import SnapshotOperator
@@ -19,7 +20,8 @@ from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.device import device_name
 
 Batch = tuple[torch.Tensor, ...]
-"""Scene numbers (N,) and videos (N, T, H, W); of real captures measurements (N, H, W) and apertures (N,) follow."""
+"""Scene numbers (N,) and videos (N, T, H, W), in colour (N, 3, T, H, W); of real captures measurements (N, H, W) and
+apertures (N,) follow."""
 
 UNNAMED = "all"
 """The one scene of a loader whose data set has no names of scenes."""
@@ -40,7 +42,7 @@ def as_batch(batch: Any, named: bool) -> Batch:
         parts = (torch.zeros(len(parts[0]), dtype=torch.int64), *parts)
     elif not named:
         parts = ()
-    if len(parts) < 2 or not isinstance(parts[1], torch.Tensor) or parts[1].ndim != 4:
+    if len(parts) < 2 or not isinstance(parts[1], torch.Tensor) or parts[1].ndim not in (4, 5):
         raise BadInput(
             "a batch of validation or test is one tensor of videos (N, T, H, W); or (scene numbers (N,), videos) of a "
             "data set with names of scenes in its attribute names"
@@ -93,15 +95,23 @@ class Scoring:
         """Record, decode and score a batch.
 
         Returns:
-            ``scene`` (N,), ``video`` and ``estimate`` (N, T, H, W), and the ``measurement`` (N, H, W) as recorded.
+            ``scene`` (N,), ``video`` and ``estimate`` (N, T, H, W) or in colour (N, 3, T, H, W), and the
+            ``measurement`` (N, H, W) as recorded.
+
+        Raises:
+            BadInput: gray scenes before a Bayer sensor.
         """
         scenes, video, *taken = as_batch(batch, self.named)
+        if pipeline.bayer is not None and video.ndim != 5:
+            raise BadInput("encoder/sensor=bayer records scenes in colour, these are gray; data=folder reads colours")
         recorded, aperture = taken if taken else (pipeline.record(video), None)
         linear, mask = pipeline.linearise(recorded, aperture), pipeline.decoder_mask()
         start = self._now()
         estimate = pipeline.decode(linear, mask, tile)
         self.seconds.append((self._now() - start) / len(video))
         means = SnapshotOperator(mask).mean_video(linear)
+        if pipeline.bayer is not None:
+            estimate, means = (demosaiced(one, pipeline.bayer) for one in (estimate, means))
         for scene, decoded, mean, truth in zip(scenes.tolist(), estimate, means, video, strict=True):
             self.scores.update(int(scene), decoded, truth)
             self.baseline.update(int(scene), mean, truth)

@@ -92,6 +92,11 @@ class System(ScoredPipeline):
         )
         self.save_hyperparameters(ignore=["encoder", "decoder", "camera", "metrics", "tile", "run_config"])
         silence_libraries()
+        if encoder.sensor.pattern is not None:
+            raise BadInput(
+                "encoder/sensor=bayer is for evaluate and reconstruct: a network decodes its mosaic as four gray "
+                "snapshots, and is trained in gray with encoder/sensor=clip_quantise"
+            )
         if compile and cuda_graph:
             raise BadInput("system.compile=true system.cuda_graph=true: compiled stages cannot be replayed; choose one")
         self.loss = StageLoss(loss, stage_weights)

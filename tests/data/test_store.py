@@ -24,9 +24,9 @@ def decoded(monkeypatch):
     """The names of the clips that are decoded from now on."""
     names = []
 
-    def spy(path):
+    def spy(path, colour=False):
         names.append(path.name)
-        return read_frames(path)
+        return read_frames(path, colour)
 
     monkeypatch.setattr("sci_lightning.data.store.read_frames", spy)
     return names

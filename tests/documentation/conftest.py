@@ -47,12 +47,17 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("documentation")
     clips(place / "CLIPS", "folder")
     clips(place / "VALIDATION", "folder")
+    (place / "COLOURS").mkdir()
+    colours = np.random.default_rng(2).integers(0, 256, (8, 32, 32, 3), np.uint8)
+    np.savez(place / "COLOURS" / "clip.npz", frames=colours)
     (place / "SCENES").mkdir()
     for scene in ("kobe", "traffic", "runner", "drop", "crash", "aerial"):
         frames = torch.randint(256, (32, 32, 48), dtype=torch.uint8).numpy()
         savemat(place / "SCENES" / f"{scene}_cacti.mat", {"orig": frames})
     mask = np.random.default_rng(1).integers(0, 2, (32, 32, 8))
     savemat(place / "SCENES" / "lab01.mat", {"orig": frames[..., :8], "mask": mask})
+    toolbox = {"meas_bayer": mask.sum(-1) * 100.0, "mask_bayer": mask, "orig": colours.transpose(1, 2, 3, 0)}
+    savemat(place / "COLOUR.mat", toolbox)
     savemat(place / "MASK.mat", {"mask": np.random.default_rng(0).integers(0, 2, (32, 32, 8))})
     imsave(place / "SNAPSHOT.tiff", (torch.rand(32, 32) * 255).byte().numpy(), check_contrast=False)
     own_files(place)

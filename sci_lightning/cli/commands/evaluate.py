@@ -97,7 +97,13 @@ def _snapshots(
         height, width = encoder.size
         advice = resized(composition, checkpoint, cfg.size)
         raise BadInput(f"size={list(cfg.size)}: the mask has {height} x {width} pixels; {advice}")
+    source = built(cfg, "data")
+    in_colour = encoder.sensor.pattern is not None
+    if in_colour and not hasattr(source, "colour_scenes"):
+        raise BadInput(
+            f"encoder/sensor=bayer: data={composition.choice('data')} is gray; data=folder reads clips in colour"
+        )
     try:
-        return scene_loader(built(cfg, "data").scenes()), ""
+        return scene_loader(source.colour_scenes() if in_colour else source.scenes()), ""
     except OtherSize as error:
         raise BadInput(f"{error}; {resized(composition, checkpoint, error.size)}") from error

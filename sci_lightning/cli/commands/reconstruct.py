@@ -15,10 +15,11 @@ from sci_lightning.cli.composition import Composition, group_members, plain
 from sci_lightning.cli.settings import Aperture, CommandSettings, Kernels, Name, NamedOrPath, Offset, Precision
 from sci_lightning.configuration.bounds import ExistingPath, Frames, NonNegative, Positive, Seed, Size, Step
 from sci_lightning.console import PlainConsole, styled, warn
+from sci_lightning.encoder.sensor.bayer import Pattern
 
 SETTINGS = (
     *("mask", "key", "mask_key", "mask_step", "mask_origin", "mask_slots", "mask_dark", "mask_white", "full_scale"),
-    *("aperture", "tile", "device", "precision", "out", "fps"),
+    *("bayer", "aperture", "tile", "device", "precision", "out", "fps"),
 )
 """What the library function takes as the user says it."""
 
@@ -35,6 +36,7 @@ class ReconstructSettings(CommandSettings):
     key: Name | None
     raw_format: Name | None
     raw_size: Size | None
+    bayer: Pattern | None
     mask: NamedOrPath | None
     mask_key: Name | None
     mask_dark: NonNegative | None
@@ -66,6 +68,7 @@ def reconstruct(composition: Composition) -> None:
     from sci_lightning.cli.next_command import browser, print_next
     from sci_lightning.decoder.layers import kernels
     from sci_lightning.errors import BadInput
+    from sci_lightning.files.array_file import array_names
     from sci_lightning.files.packed_file import raw_layout
     from sci_lightning.runs.reconstruction import FILES
     from sci_lightning.runs.reconstruction import reconstruct as decode_snapshots
@@ -73,21 +76,23 @@ def reconstruct(composition: Composition) -> None:
 
     cfg = composition.cfg
     out, console, frames = Path(cfg.out), PlainConsole(), cfg.frames
-    settings = plain(OmegaConf.masked_copy(cfg, list(SETTINGS)))
     if cfg.get("decoder") is None and cfg.ckpt_path is None and cfg.weights is None:
         cfg.weights = BEST
         console.print(f"weights={BEST}: come along and decode behind any mask; decoder= or ckpt_path= choose another")
     checkpoint = resolve_checkpoint("reconstruct", composition)
     mask_of_training = (cfg.ckpt_path or cfg.weights) and checkpoint.config["names"]["encoder"] != ANY_MASK
     if not mask_of_training and cfg.mask is None and not _mask_is_known(composition):
-        raise BadInput(
-            "nothing says which mask the snapshot was taken with, and a random one would decode noise: give mask=FILE "
-            "(MAT, NPY, H5), encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt"
-        )
+        if not {"mask", "mask_bayer"} & array_names(cfg.measurement):
+            raise BadInput(
+                "nothing says which mask the snapshot was taken with, and a random one would decode noise: give "
+                "mask=FILE (MAT, NPY, H5), encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt"
+            )
+        cfg.mask = cfg.measurement
     decoder = checkpoint.decoder()
     kernels.use(decoder, cfg.kernels)
     encoder, _ = resolve_encoder(composition, checkpoint)
     encoder = resolve_camera(composition, checkpoint) or encoder
+    settings = plain(OmegaConf.masked_copy(cfg, list(SETTINGS)))
     with Progress(console=console, transient=True) as progress:
         bar, said = progress.add_task("Decoding", total=1), time.monotonic()
 
@@ -110,7 +115,7 @@ def reconstruct(composition: Composition) -> None:
             watch=watch,
             **settings,
         )
-    n, t, h, w = result.video.shape
+    n, t, h, w = result.video.shape[:4]
     level = f"mean level {float(result.measurement.mean()):.3f} of full scale"
     console.print(f"{n} snapshot(s) of {h} x {w} ({level}) decoded into {t} frames each")
     written = [name for name in ("frames", *FILES, "reconstruction.npy") if (out / name).exists()]

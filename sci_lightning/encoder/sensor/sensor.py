@@ -18,6 +18,8 @@ class Sensor(nn.Module):
     """Electrons at full scale; None without shot noise."""
     read_noise: float = 0.0
     """Standard deviation in DN."""
+    pattern: str | None = None
+    """Colours that a cell of 2 x 2 pixels sees; None for a gray sensor."""
 
     def forward(self, light: torch.Tensor, bits: int | None = None) -> torch.Tensor:
         raise NotImplementedError
