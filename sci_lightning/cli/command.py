@@ -15,7 +15,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, open_dict
 
 from sci_lightning.cli.command_line import check_choices, check_words
-from sci_lightning.cli.composition import Composition, from_hydra, in_sweep, store_defaults
+from sci_lightning.cli.composition import Composition, from_hydra, in_sweep, search_path_checked, store_defaults
 from sci_lightning.cli.encoder_file import adopt_encoder_files
 from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.cli.help import help_text
@@ -61,7 +61,7 @@ def run(name: str, task: Task) -> None:
         store_defaults()
         arguments = _hydra_arguments(name, words)
         job = job_of(name, task, debug)
-        with _process_state([sys.argv[0], *arguments], full_errors=True):
+        with _process_state([sys.argv[0], *arguments], full_errors=True), search_path_checked():
             hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
     except (KeyboardInterrupt, SystemExit) as stop:
         interrupted = True
