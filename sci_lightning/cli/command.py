@@ -47,10 +47,7 @@ def run(name: str, task: Task) -> None:
     and of ``trusted`` ones.
     """
     if {"--help", "-h"} & set(sys.argv):
-        try:
-            print(help_text(CONF, name, sys.argv[1:]), flush=True)
-        except BrokenPipeError:  # `--help | head`
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        print(help_text(CONF, name, sys.argv[1:]))
         return
     debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
     warnings.showwarning = _show_warning
@@ -72,7 +69,7 @@ def run(name: str, task: Task) -> None:
         raise
     except (Exception, CommandFailed) as stop:
         error = stop.__cause__ if isinstance(stop, CommandFailed) and stop.__cause__ else stop
-        if debug:
+        if debug or isinstance(error, BrokenPipeError):  # of which start() makes a quiet end
             raise error from error.__cause__
         failed.append((one_line(error), exit_status(error)))
         if isinstance(error, BadInput):  # a sweep that its launcher refuses: none of its rows has begun
