@@ -59,6 +59,7 @@ html_theme = "pydata_sphinx_theme"
 html_title = "sci_lightning"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(ROOT / "docs" / "_static" / "search_scores.js")
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {

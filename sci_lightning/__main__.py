@@ -6,6 +6,7 @@ import sys
 from difflib import get_close_matches
 from runpy import run_module
 
+from sci_lightning.cli.start import output_may_be_cut_off
 from sci_lightning.configuration.conf_folder import CONF
 from sci_lightning.console import PlainConsole, styled
 from sci_lightning.plain_text import one_printable_line
@@ -36,7 +37,11 @@ EXAMPLES = {
 PROGRAMS = dict.fromkeys(name.partition(" ")[0] for name in EXAMPLES)
 """What can follow ``sci-lightning``, in order: each is a module of the package."""
 
-COMPLETION = r"""_sci_lightning() {
+COMPLETION = r"""if [ -n "$ZSH_VERSION" ]; then
+  autoload -U +X compinit bashcompinit && { type compdef > /dev/null || compinit; } && bashcompinit
+fi
+_sci_lightning() {
+  [[ -n "$ZSH_VERSION" ]] && emulate -L ksh
   local words=($COMP_LINE) word="${COMP_WORDS[COMP_CWORD]}" choices
   if (( COMP_CWORD < 2 )); then
     choices="$(sci-lightning commands)"
@@ -50,11 +55,29 @@ COMPLETION = r"""_sci_lightning() {
 }
 COMP_WORDBREAKS=${COMP_WORDBREAKS//=}
 complete -o nospace -o default -F _sci_lightning sci-lightning"""
-"""For bash: commands first, then what Hydra knows of the command's settings."""
+"""For bash, and for zsh in its way of bash: commands first, then what Hydra knows of the command's settings."""
+
+FISH = r"""function _sci_lightning
+  set -l words (commandline -cpo) (commandline -ct)
+  if test (count $words) -lt 3
+    sci-lightning commands | string split ' '
+  else if test $words[2] != captures
+    COMP_LINE="$words[1] $words[3..]" sci-lightning $words[2] -sc query=fish 2>/dev/null
+  else if test (count $words) -eq 3
+    string split ' ' 'plan pack register info'
+  end
+end
+complete -c sci-lightning -a '(_sci_lightning)'"""
+"""The same for fish."""
 
 
 def main() -> None:
     """Run ``sci-lightning COMMAND ...``, which is ``python -m sci_lightning.COMMAND ...``."""
+    with output_may_be_cut_off():
+        _main()
+
+
+def _main() -> None:
     name, *arguments = sys.argv[1:] or ["--help"]
     name = name.replace("-", "_") if not name.startswith("-") else name
     if name in ("--help", "-h", "help"):
@@ -62,7 +85,7 @@ def main() -> None:
     elif name == "commands":
         print(" ".join(PROGRAMS))
     elif name == "completion":
-        print(COMPLETION)
+        print(FISH if arguments == ["fish"] else COMPLETION)
     elif name not in PROGRAMS:
         near = get_close_matches(name, PROGRAMS, n=1, cutoff=0.5)
         hint = f"did you mean {near[0]}?" if near else f"choose one of {', '.join(PROGRAMS)}"
@@ -87,7 +110,7 @@ def print_commands() -> None:
         console.print(f"  python -m sci_lightning.{name} {example}".rstrip())
     console.print(
         "\nEach takes --help (its configuration and choices) and --cfg job (what it would run with).\n"
-        'sci-lightning COMMAND is the same; eval "$(sci-lightning completion)" completes it in bash.'
+        'sci-lightning COMMAND is the same; eval "$(sci-lightning completion)" completes it in bash and zsh.'
     )
 
 

@@ -16,15 +16,18 @@ import torch
 
 from sci_lightning.errors import BadInput, InputWarning
 
-UNCHANGED = {
+DIVIDED = {"split", "split_with_sizes", "chunk", "unbind", "tensor_split", "hsplit", "vsplit", "dsplit"}
+"""Operations, by torch's name without underscores, that return several parts; ``for snapshot in ..`` is one of them."""
+
+UNCHANGED = DIVIDED | {
     *("add", "sub", "clamp", "clip", "clamp_min", "clamp_max", "round", "floor", "clone", "detach", "contiguous", "to"),
     *("cpu", "cuda", "float", "double", "half", "bfloat16", "type", "getitem", "unsqueeze", "squeeze", "flip", "mean"),
     *("requires_grad", "stack", "cat", "index_select", "narrow", "iadd", "isub", "radd", "nan_to_num", "copy"),
 }
-"""Operations, by torch's name without underscores, whose result is in the same units: light added is noise or a dark
+"""Operations whose result is in the same units: light added is noise or a dark
 level."""
 
-REARRANGED = {"getitem", "unsqueeze", "squeeze", "flip", "stack", "cat", "index_select", "narrow"}
+REARRANGED = DIVIDED | {"getitem", "unsqueeze", "squeeze", "flip", "stack", "cat", "index_select", "narrow"}
 """Those after which pixels may be somewhere else."""
 
 IN_PLACE = UNCHANGED - REARRANGED - {"mean"}
@@ -46,10 +49,10 @@ class Camera(Protocol):
 class Measurement(torch.Tensor):
     r"""Snapshots ``(N, H, W)`` that a decoder cannot misread: a tensor with aperture and full scale.
 
-    :math:`v = s\,R(a \sum_t M_t \odot x_t)`, with the values v, the full scale s and the aperture a. Slices, copies and
-    sums keep s, a product with a number k makes it k s. After any other operation the scale is unknown, and decoders
-    refuse the tensor. ``torch.Tensor(y)`` and files forget everything: a plain tensor. Where every snapshot has a scale
-    of its own, slices and joined measurements keep those of their snapshots.
+    :math:`v = s\,R(a \sum_t M_t \odot x_t)`, with the values v, the full scale s and the aperture a. Slices, parts,
+    copies and sums keep s, a product with a number k makes it k s. After any other operation the scale is unknown, and
+    decoders refuse the tensor. ``torch.Tensor(y)`` and files forget everything: a plain tensor. Where every snapshot
+    has a scale of its own, slices, parts and joined measurements keep those of their snapshots.
 
     Args:
         values: ``(N, H, W)``, a tensor or an array; floating, or integers (DN).
@@ -165,6 +168,21 @@ class Measurement(torch.Tensor):
     ) -> Any:
         with torch._C.DisableTorchFunctionSubclass():
             result = func(*args, **(kwargs or {}))
+        if isinstance(result, (tuple, list)) and any(isinstance(part, torch.Tensor) for part in result):
+            parts = [cls._scaled(func, args, kwargs or {}, part, number) for number, part in enumerate(result)]
+            return type(result)(parts)
+        return cls._scaled(func, args, kwargs or {}, result)
+
+    @classmethod
+    def _scaled(
+        cls,
+        func: Callable[..., Any],
+        args: tuple[Any, ...],
+        kwargs: dict[str, Any],
+        result: Any,
+        part: int | None = None,
+    ) -> Any:
+        """Return the result of an operation, or one of its parts, with its scale where that is known."""
         if not isinstance(result, torch.Tensor) or result.ndim not in (2, 3) or not result.is_floating_point():
             return result
         operands = args[0] if args and isinstance(args[0], (list, tuple)) else args[:2]
@@ -172,7 +190,7 @@ class Measurement(torch.Tensor):
         if not known or func.__name__ == "as_subclass":
             return result
         first = known[0]
-        aperture = _aperture_after(func, args, kwargs or {}, known, result)
+        aperture = _aperture_after(func, args, kwargs, known, result, part)
         scale = None if aperture is None else _scale_after(func.__name__.strip("_"), operands, known)
         kept = first.aperture if aperture is None else aperture
         measurement = _measurement(result, kept, scale, first.camera, first.is_linear)
@@ -206,7 +224,12 @@ def _measurement(
 
 
 def _aperture_after(
-    func: Callable[..., Any], args: Any, kwargs: dict[str, Any], known: list[Measurement], result: torch.Tensor
+    func: Callable[..., Any],
+    args: Any,
+    kwargs: dict[str, Any],
+    known: list[Measurement],
+    result: torch.Tensor,
+    part: int | None,
 ) -> float | torch.Tensor | None:
     """Return the aperture of an operation's result, None if its snapshots have none of their own that follows."""
     first = known[0]
@@ -216,6 +239,7 @@ def _aperture_after(
         given = args[0]
         maps = [_scale_map(one) for one in given] if isinstance(given, (list, tuple)) else _scale_map(given)
         scales = func(maps, *args[1:], **kwargs)
+        scales = scales if part is None else scales[part]
         first_pixels = scales[..., :1, :1]
         return first_pixels[..., 0, 0] if scales.numel() and bool((scales == first_pixels).all()) else None
     if result.shape != first.shape:  # as a mean over snapshots of several scales

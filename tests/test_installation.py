@@ -92,3 +92,27 @@ def test_deepinv_is_tested() -> None:
     """Its tests cannot be skipped where ``make test`` installs it."""
     assert "deepinv" in " ".join(PROJECT["optional-dependencies"]["dev"])
     assert "skip(" not in (ROOT / "tests" / "encoder" / "test_physics.py").read_text()
+
+
+def imported(extra: str) -> list[str]:
+    """Return the modules that the packages of an extra are imported as."""
+    names = [Requirement(line).name.replace("-", "_") for line in PROJECT["optional-dependencies"][extra]]
+    return [f"hydra_plugins.{name}" if name.startswith("hydra_") else name for name in names]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("extra", [extra for extra in PROJECT["optional-dependencies"] if extra != "dev"])
+def test_every_extra_can_be_installed(extra: str, tmp_path: Path) -> None:
+    """In a fresh environment, with the pinned versions; it downloads torch, as pip is configured here."""
+    constraints = ROOT / ("constraints-ray.txt" if extra == "ray" else "constraints.txt")
+    python = str(tmp_path / "bin" / "python")
+    for line in (
+        [sys.executable, "-m", "venv", str(tmp_path)],
+        [python, "-m", "pip", "install", "--quiet", "--constraint", str(constraints), f"{ROOT}[{extra}]"],
+        [python, "-m", "pip", "check"],
+        [python, "-c", f"import sci_lightning, {', '.join(imported(extra))}"],
+    ):
+        done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True)
+        if "operator torchvision::" in done.stderr:
+            pytest.skip("PyPI's torchvision is compiled for torch with CUDA, and torch is another one here")
+        assert done.returncode == 0, done.stdout + done.stderr

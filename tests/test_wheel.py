@@ -1,4 +1,4 @@
-"""The wheel carries its configuration and trains outside the repository like the checkout does."""
+"""The wheel, built from the source distribution, trains outside the repository as a checkout does."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SMALL = [
 
 @pytest.mark.slow
 def test_wheel(command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path) -> None:
-    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(tmp_path), str(ROOT)]
+    build = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(tmp_path), str(ROOT)]
     assert subprocess.run(build, capture_output=True).returncode == 0
     (wheel,) = tmp_path.glob("*.whl")
     site = tmp_path / "site"

@@ -61,7 +61,10 @@ class Snapshot:
         dim = float(self.measurement.mean()) < DIM_CAMERA and self.full_scale in CONVERTERS
         if not (self.chosen and self.integer and dim and 255 < largest <= 255 * brightest):
             return self
-        chosen = f"up to {largest:g} and dim: a sum of frames of 8 bits; of a camera give {self.full_scale:g}"
+        chosen = (
+            f"taken for a sum of 8-bit frames made by software, since values end at {largest:g}, low for a camera; "
+            f"if a camera recorded it, give full_scale={self.full_scale:g}"
+        )
         return replace(self, measurement=self.measurement * (self.full_scale / 255), full_scale=255.0, chosen=chosen)
 
     def doubt(self, brightest: float) -> str:

@@ -15,7 +15,7 @@ from hydra.core.hydra_config import HydraConfig
 from omegaconf import DictConfig, open_dict
 
 from sci_lightning.cli.command_line import check_choices, check_words
-from sci_lightning.cli.composition import Composition, from_hydra, in_sweep, store_defaults
+from sci_lightning.cli.composition import Composition, from_hydra, in_sweep, search_path_checked, store_defaults
 from sci_lightning.cli.encoder_file import adopt_encoder_files
 from sci_lightning.cli.failure_line import exit_status, one_line
 from sci_lightning.cli.help import help_text
@@ -47,10 +47,7 @@ def run(name: str, task: Task) -> None:
     and of ``trusted`` ones.
     """
     if {"--help", "-h"} & set(sys.argv):
-        try:
-            print(help_text(CONF, name, sys.argv[1:]), flush=True)
-        except BrokenPipeError:  # `--help | head`
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        print(help_text(CONF, name, sys.argv[1:]))
         return
     debug = os.environ.get("HYDRA_FULL_ERROR") == "1" or "debug=true" in sys.argv
     warnings.showwarning = _show_warning
@@ -61,7 +58,7 @@ def run(name: str, task: Task) -> None:
         store_defaults()
         arguments = _hydra_arguments(name, words)
         job = job_of(name, task, debug)
-        with _process_state([sys.argv[0], *arguments], full_errors=True):
+        with _process_state([sys.argv[0], *arguments], full_errors=True), search_path_checked():
             hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
     except (KeyboardInterrupt, SystemExit) as stop:
         interrupted = True
@@ -72,7 +69,7 @@ def run(name: str, task: Task) -> None:
         raise
     except (Exception, CommandFailed) as stop:
         error = stop.__cause__ if isinstance(stop, CommandFailed) and stop.__cause__ else stop
-        if debug:
+        if debug or isinstance(error, BrokenPipeError):  # of which start() makes a quiet end
             raise error from error.__cause__
         failed.append((one_line(error), exit_status(error)))
         if isinstance(error, BadInput):  # a sweep that its launcher refuses: none of its rows has begun

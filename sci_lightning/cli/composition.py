@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -101,6 +102,21 @@ def store_defaults() -> None:
 
 
 @contextmanager
+def search_path_checked() -> Iterator[None]:
+    """Raise BadInput where Hydra meets a folder of ``hydra.searchpath`` that does not exist, of which it only warns."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", r"provider=hydra\.searchpath.* is not available")
+        try:
+            yield
+        except UserWarning as missing:
+            place = re.sub(r".*path=(.*) is not available.*", r"\1", str(missing))
+            raise BadInput(
+                f"hydra.searchpath: {place} is no folder here, nor an installed package; "
+                "'hydra.searchpath=[file://FOLDER]' takes a folder, absolute or seen from where you are"
+            ) from None
+
+
+@contextmanager
 def hydra_of(command: str) -> Iterator[Any]:
     """Yield a Hydra that composes a command; that of the running command is put aside, since there can be one only."""
     store_defaults()
@@ -127,7 +143,7 @@ def compose(command: str, overrides: Iterable[str] = ()) -> Composition:
             command prints.
     """
     try:
-        with hydra_of(command):
+        with hydra_of(command), search_path_checked():
             cfg = hydra.compose(command, list(overrides), return_hydra_config=True)
     except (HydraException, OmegaConfBaseException) as error:
         raise BadInput(one_line(error)) from error

@@ -1,10 +1,25 @@
-"""The start of a command, which loads nothing before Ctrl-C can end it without a traceback."""
+"""The start of a command, which loads nothing before Ctrl-C can end it without a traceback, and its quiet end."""
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from importlib.util import find_spec
+
+
+@contextmanager
+def output_may_be_cut_off() -> Iterator[None]:
+    """End the process quietly, with status 1 as rich has it, once nobody reads its output, as in ``COMMAND | head``."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the interpreter flushes again at its exit
+        sys.exit(1)
 
 
 def command_module(command: str) -> str:
@@ -25,7 +40,8 @@ def start(command: str) -> None:
     module, run = import_module(command_module(command)), import_module("sci_lightning.cli.command").run
     if mine:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    if hasattr(module, "main"):
-        module.main()
-    else:
-        run(command, getattr(module, command))
+    with output_may_be_cut_off():
+        if hasattr(module, "main"):
+            module.main()
+        else:
+            run(command, getattr(module, command))

@@ -59,6 +59,18 @@ class Folder(StoredSource):
         self.root, self.val_root, self.crop = ", ".join(map(str, roots)), val_root, crop
         self.photographs, self.photographs_share = photographs, photographs_share
 
+    @property
+    def split(self) -> str:
+        """Which clips are held out, in words; empty where ``val_root`` names them."""
+        if self.val_root:
+            return ""
+        names = [clip.name for clip in self.held_out]
+        more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+        return (
+            f"kept for validation, not trained on: {', '.join(names[:3])}{more}, {len(names)} of "
+            f"{len(names) + len(self.training)} clips; data.val_root=FOLDER names others"
+        )
+
     def clips(self) -> Clips:
         """Return augmented training clips, among them those made of photographs, float32 ``(T, h, w)`` in [0, 1]."""
         if not self.training:

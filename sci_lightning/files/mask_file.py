@@ -13,6 +13,8 @@ from sci_lightning.files.array_file import ENDINGS, read_array, time_first
 from sci_lightning.files.picture_file import matching_files, pictures_of, read_stack
 from sci_lightning.files.stored_array import readable_shape
 
+MASK_FILES = "MAT, NPY, NPZ or HDF5, a TIFF stack, or a folder of pictures (PNG, BMP, PGM, JPEG, TIFF)"
+"""What :func:`read_mask_file` reads, in words."""
 FULL_LEVELS = (255, 1023, 4095, 16383, 65535)
 """Largest whole numbers of 8, 10, 12, 14 and 16 bits."""
 BEYOND, MOST_BEYOND = 0.1, 0.01

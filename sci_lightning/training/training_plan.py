@@ -7,84 +7,36 @@ as long as the measurement.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import torch
 
 from sci_lightning.configuration.build import build
-from sci_lightning.decoder.decoder import Decoder
-from sci_lightning.decoder.layers import kernels
-from sci_lightning.decoder.layers.sequential import computed_as_larger
-from sci_lightning.decoder.tiling.memory import LiveBytes, free_memory
-from sci_lightning.encoder import Encoder
+from sci_lightning.data.source import Source
+from sci_lightning.decoder.tiling.memory import free_memory
 from sci_lightning.errors import BadInput
-from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.device import device_name
-from sci_lightning.runs.precision import device_of_accelerator, mixed_precision, resolve_precision
-from sci_lightning.training.training_length import counted_steps, most_seconds
+from sci_lightning.runs.precision import device_of_accelerator, resolve_precision
+from sci_lightning.training.scoring import build_metrics
+from sci_lightning.training.step_cost import SIDE, StepCost, measured_step, now
+from sci_lightning.training.training_length import (
+    counted_snapshots,
+    counted_steps,
+    most_seconds,
+    source_of,
+    steps_between_validations,
+)
 
-SIDE = 16
-"""Height and width, in pixels, of the first clip that is measured; those of the next are twice as large, and so on."""
-
-MEASURED_SECONDS = 4.5
-"""Seconds that the measurement takes at most, if two small clips do not take longer. Two cores reach 64 x 64 pixels of
-Res2former within them, from which the time of a step at 256 x 256 follows to about 10 %."""
-
-BEYOND_ACTIVATIONS = 1.2
-"""Memory of a step over what its forward pass keeps: gradients on their way, and what allocators waste.
-
-Measured 1.06 in float32 and 1.18 in bfloat16, for Res2former at 256 x 256 on two cores.
-"""
-
-PER_PARAMETER = 16
-"""Bytes for every learned value: itself, its gradient and two moments of Adam, in float32."""
-
-ADAM_PASSES = 5
-"""Readings and writings of all weights that a step of Adam is worth, with its gradients and two moments."""
+LARGEST_SCORED = 256
+"""Height and width, in pixels, of the largest frame on which metrics are timed; larger ones take in proportion."""
 
 DAY = 86400.0
 """Seconds."""
 
-PLAIN_SYSTEM = "sci_lightning.training.system.System"
-"""The one whose step is computed here without Lightning."""
-
 CROWDED = 0.7
 """A single thread that takes this part of the time of all threads, or less, says that a core is taken."""
-
-
-@dataclass(frozen=True)
-class StepCost:
-    """What a clip costs in a training step: a part for every pixel, and one that is the same for clips of any size.
-
-    Attributes:
-        seconds: of the forward and the backward pass for a clip; ``fixed_seconds`` of them whatever its size.
-        fixed_seconds: see there.
-        optimizer_seconds: of the optimizer, once a step.
-        bytes: of the activations of a clip; ``fixed_bytes`` of all else, once.
-        fixed_bytes: see there.
-        busy: threads that computed at a time, on average.
-        one_thread: how many times the seconds of all threads a single thread takes; below 1 where another program keeps
-            a core busy, for which the others then wait again and again.
-    """
-
-    seconds: float
-    fixed_seconds: float
-    optimizer_seconds: float
-    bytes: float
-    fixed_bytes: float
-    busy: float = 1.0
-    one_thread: float = math.inf
-
-    def of_step(self, clips: int, parts: int) -> float:
-        """Return the seconds of a step of so many clips in each of its parts (``accumulate_grad_batches``)."""
-        return parts * (clips * (self.seconds - self.fixed_seconds) + self.fixed_seconds) + self.optimizer_seconds
-
-    def memory(self, clips: int) -> float:
-        """Return the bytes that so many clips at once take, beside what the process has taken before."""
-        return clips * self.bytes + self.fixed_bytes
 
 
 @dataclass(frozen=True)
@@ -93,8 +45,8 @@ class TrainingPlan:
 
     Attributes:
         clips_per_epoch: examples of an epoch.
-        epochs: at most; a limit on time may come first.
-        steps: of the optimizer, in all epochs.
+        steps_per_epoch: of the optimizer.
+        steps: of the optimizer, in all epochs; a limit on time may come first.
         batch_size: clips of a step.
         step_seconds: of one step on the device, with all its parts.
         device: on which the step was measured, and in which precision.
@@ -103,10 +55,14 @@ class TrainingPlan:
         most_seconds: limit on its duration, None for none.
         busy: threads that compute at a time, on average: processor time over duration.
         one_thread: see :class:`StepCost`.
+        split: which clips the source has kept for validation, in words; empty where the user has named them.
+        validation_steps: steps after which a validation follows.
+        validation_seconds: of one validation.
+        test_seconds: of the tests at the end; None where the scenes are not known.
     """
 
     clips_per_epoch: int
-    epochs: int
+    steps_per_epoch: int
     steps: int
     batch_size: int
     step_seconds: float
@@ -116,17 +72,15 @@ class TrainingPlan:
     most_seconds: float | None = None
     busy: float = 1.0
     one_thread: float = math.inf
+    split: str = ""
+    validation_steps: float = math.inf
+    validation_seconds: float = 0.0
+    test_seconds: float | None = None
 
     def lines(self) -> list[str]:
         """Return the plan in sentences."""
-        steps, limit = self.steps, ""
-        if self.core_minutes is not None:
-            within = int(60 * self.core_minutes / max(self.busy * self.step_seconds, 1e-9))
-            if within < steps:
-                steps, limit = within, f" in {self.core_minutes:g} minutes of processor time, about"
-        if self.most_seconds is not None and (within := int(self.most_seconds / max(self.step_seconds, 1e-9))) < steps:
-            steps, limit = within, f" in {duration(self.most_seconds)}, about"
-        epochs = steps / self.steps * self.epochs
+        steps, (_, limit) = self.expected_steps, min(self._limits())
+        epochs = steps / self.steps_per_epoch
         crowded = (
             f"another program keeps a core busy, and threads wait for each other: with OMP_NUM_THREADS=1 in front of "
             f"the command a step takes about {self.step_seconds * self.one_thread:.2g} s as long as it does"
@@ -137,8 +91,21 @@ class TrainingPlan:
             f"a step takes about {self.step_seconds:.3g} s and {self.memory / 1e9:.2g} GB of memory on {self.device} "
             "(from small clips, measured now)",
             duration_line(self.steps * self.step_seconds, self.core_minutes, self.most_seconds),
+            self._scoring_line(steps),
+            *([self.split] if self.split else []),
             *([crowded] if self.one_thread < CROWDED else []),
         ]
+
+    def _scoring_line(self, steps: int) -> str:
+        """Say what validations and tests take beside so many steps, and above that of the steps what shortens it."""
+        if self.test_seconds is None:
+            return "validations and tests come on top"
+        validations = int(steps / self.validation_steps)
+        seconds = validations * self.validation_seconds
+        line = f"{_count(validations, 'validation')} and the test take about {duration(seconds + self.test_seconds)} "
+        if seconds <= steps * self.step_seconds:
+            return f"{line}more"
+        return f"{line}more; trainer.check_val_every_n_epoch=N, or a larger data.clips_per_epoch, validates less often"
 
     @property
     def expected_steps(self) -> int:
@@ -147,9 +114,20 @@ class TrainingPlan:
 
     @property
     def seconds(self) -> float:
-        """The expected duration of the training, within its limits."""
-        budget = math.inf if self.core_minutes is None else 60 * self.core_minutes / self.busy
-        return min(self.steps * self.step_seconds, budget, math.inf if self.most_seconds is None else self.most_seconds)
+        """The expected duration of all steps, within the limits of the training."""
+        return min(self._limits())[0]
+
+    def _limits(self) -> list[tuple[float, str]]:
+        """Return what the steps take if all are done, and what every limit leaves for them, each with a few words."""
+        limits = [(self.steps * self.step_seconds, "")]
+        if self.core_minutes is not None:
+            words = f" in {self.core_minutes:g} minutes of processor time, about"
+            limits.append((60 * self.core_minutes / self.busy, words))
+        if self.most_seconds is not None:  # which holds for steps and validations
+            validating = self.validation_seconds / self.validation_steps
+            share = self.step_seconds / max(self.step_seconds + validating, 1e-9)
+            limits.append((self.most_seconds * share, f" in {duration(self.most_seconds)}, about"))
+        return limits
 
 
 def _count(number: float, noun: str) -> str:
@@ -193,15 +171,17 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
         BadInput: settings of no use, or a step that does not fit into the memory; the message says what would.
     """
     trainer, batch_size = config["trainer"], config["batch_size"]
-    clips, epochs, steps = counted_steps(config)
+    source = source_of(config)
+    clips, per_epoch, steps = counted_steps(config, source)
     device = device_of_accelerator(trainer["accelerator"])
     precision = resolve_precision(trainer["precision"], device)
     cost, free = measured_step(config, device, precision), free_memory(device)
     if cost.memory(batch_size) > free:
         raise BadInput(_too_large(config, cost, free))
+    scoring = {} if source is None else _scoring_seconds(config, source, cost, device)
     return TrainingPlan(
         clips,
-        epochs,
+        per_epoch,
         steps,
         batch_size,
         step_seconds=cost.of_step(batch_size, trainer["accumulate_grad_batches"]),
@@ -211,108 +191,36 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
         most_seconds=most_seconds(trainer),
         busy=cost.busy,
         one_thread=cost.one_thread,
+        split=getattr(source, "split", ""),
+        validation_steps=steps_between_validations(trainer, per_epoch),
+        **scoring,
     )
 
 
-def measured_step(config: Mapping[str, Any], device: torch.device, precision: str) -> StepCost:
-    """Return what a clip costs in a training step on a device, from ever larger parts of one.
-
-    Memory is a straight line over the pixels, and time becomes one: below some thousand pixels much of it is spent on
-    calls, so that its slope is that between the last two parts. The last one is the whole clip where that is computed
-    soon enough. The first run of all is not counted: libraries set up what they need.
-    """
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(config["seed"])
-        encoder, decoder = _parts(config)
-        kernels.use(decoder, config["kernels"])
-        if any(part > whole for part, whole in zip(config["crop"], encoder.size, strict=True)):
-            raise BadInput(
-                f"'crop=[{config['crop'][0]},{config['crop'][1]}]': larger than the mask, {list(encoder.size)} pixels"
-            )
-        step = _step(config, encoder.to(device), decoder.to(device))
-        learned = [p for module in (encoder, decoder) for p in module.parameters() if p.requires_grad]
-        if not any(p.requires_grad for p in decoder.parameters()):  # refused by its name where the training begins
-            return StepCost(0.0, 0.0, 0.0, 0.0, 0.0)
-        begun, computed = _now(device), time.process_time()
-        points: list[tuple[int, float, int]] = []  # pixels, seconds, bytes
-        for height, width in _windows(*config["crop"]):
-            times = math.prod(config["crop"]) / (height * width)
-            runs: list[tuple[float, int]] = []
-            while len(runs) < (2 if points else 3) and (not runs or _now(device) - begun < MEASURED_SECONDS / 2):
-                with computed_as_larger(times * config["batch_size"]):
-                    video = torch.rand(1, config["frames"], height, width, device=device)
-                    runs.append(_timed(step, video, precision))
-            points.append((height * width, *min(runs)))  # the fastest is the least disturbed
-            if len(points) > 1 and _now(device) - begun + 4 * runs[-1][0] > MEASURED_SECONDS:
-                break
-        busy = (time.process_time() - computed) / max(_now(device) - begun, 1e-9)
-        one_thread, threads = math.inf, torch.get_num_threads()
-        if device.type == "cpu" and threads > 1 and runs[-1][0] < MEASURED_SECONDS / 4:
-            try:
-                torch.set_num_threads(1)
-                one_thread = min(_timed(step, video, precision)[0] for _ in range(2)) / min(runs)[0]
-            finally:
-                torch.set_num_threads(threads)
-        gradients = [p.grad for p in learned if p.grad is not None]
-        start = _now(device)
-        for _ in range(ADAM_PASSES if gradients else 0):  # torch's optimizer itself loads the compiler, for seconds
-            torch._foreach_mul_(gradients, 1.0)
-        stepped = _now(device) - start
-    pixels, values = math.prod(config["crop"]), sum(p.numel() for p in learned)
-    seconds, fixed_seconds = _line([(area, value) for area, value, _ in points[-2:]], pixels)
-    activations, _ = _line([(area, value) for area, _, value in points], pixels)
-    fixed_bytes = PER_PARAMETER * values
-    kept = BEYOND_ACTIVATIONS * activations
-    return StepCost(seconds, fixed_seconds, stepped, kept, fixed_bytes, max(busy, 0.1), one_thread)
-
-
-def _parts(config: Mapping[str, Any]) -> tuple[Encoder, Decoder]:
-    """Build encoder and decoder as they cost, without searching for a mask to begin with, which takes seconds."""
-    settings = dict(config["encoder"])
-    if isinstance(mask := settings.get("mask"), Mapping) and "start" in mask:
-        settings["mask"] = {**mask, "start": "published"}
-    return build(settings, "encoder"), build(config["decoder"], "decoder").train()
-
-
-def _step(config: Mapping[str, Any], encoder: Encoder, decoder: Decoder) -> Callable[[torch.Tensor], torch.Tensor]:
-    """Return the function from a clip ``(1, T, h, w)`` to its loss."""
-    if config["system"]["_target_"] != PLAIN_SYSTEM:  # which is a LightningModule, and may compute anything
-        system = build(config["system"], "system", encoder=encoder, decoder=decoder)
-        return lambda video: system.training_step(video, 0)
-    pipeline = Pipeline(encoder, decoder)
-
-    def loss(video: torch.Tensor) -> torch.Tensor:
-        mask = encoder.transmittance_window(0, 0, *video.shape[-2:])
-        linear = pipeline.linearise(pipeline.record(video, mask, (0, 0)), origin=(0, 0))
-        stages = decoder.stages(linear, pipeline.decoder_mask(mask))[-len(config["system"]["stage_weights"]) :]
-        return torch.stack([(stage - video).square().mean() for stage in stages]).sum()
-
-    return loss
-
-
-def _windows(height: int, width: int) -> list[tuple[int, int]]:
-    """Return heights and widths that double up to those of the whole clip."""
-    windows = [(min(SIDE, height), min(SIDE, width))]
-    while windows[-1] != (height, width):
-        windows.append((min(2 * windows[-1][0], height), min(2 * windows[-1][1], width)))
-    return windows
-
-
-def _timed(step: Callable[[torch.Tensor], torch.Tensor], video: torch.Tensor, precision: str) -> tuple[float, int]:
-    """Return the seconds of the forward and the backward pass of a clip, and the bytes that the former keeps."""
-    start = _now(video.device)
-    with LiveBytes() as live, mixed_precision(precision, video.device):
-        loss = step(video)
-        kept = live.now
-    loss.backward()
-    return _now(video.device) - start, kept
-
-
-def _line(points: list[tuple[int, float]], at: int) -> tuple[float, float]:
-    """Return the value at ``at`` of the line through the first and the last point, and its value at 0, not below 0."""
-    (first, low), (last, high) = points[0], points[-1]
-    slope = (high - low) / (last - first) if last > first and high > low else high / last
-    return high + slope * (at - last), max(0.0, high - slope * last)
+def _scoring_seconds(
+    config: Mapping[str, Any], source: Source, cost: StepCost, device: torch.device
+) -> dict[str, float]:
+    """Return the seconds of a validation and of all tests: snapshots are decoded, and their frames compared."""
+    size, trainer = config["size"], config["trainer"]
+    seconds = {}
+    frame = torch.rand(1, *(min(side, LARGEST_SCORED) for side in size), device=device)
+    for name, metric in build_metrics(config.get("metrics", {}), size).items():
+        for _ in range(2):  # the first one sets up what it needs
+            start = now(device)
+            metric.to(device).update(frame, frame)
+            seconds[name] = (now(device) - start) * math.prod(size) / frame.numel()
+    every = config["system"].get("val_every_n_frames") or {}
+    compared = seconds["psnr"] + sum(value / every.get(name, 1) for name, value in seconds.items())
+    decoded, frames = cost.of_snapshot(math.prod(size) / math.prod(config["crop"])), config["frames"]
+    held_out = source.scenes()
+    tested = build(config["benchmark"], "benchmark").scenes() if config["benchmark"]["root"] else held_out
+    validated = counted_snapshots(held_out, trainer.get("limit_val_batches"))
+    tests = (1 + len(config["test_encoders"])) * counted_snapshots(tested, trainer.get("limit_test_batches"))
+    return {
+        "validation_seconds": validated * (decoded + frames * compared),
+        "test_seconds": tests
+        * (decoded + 2 * frames * sum(seconds.values())),  # the mean measurement is scored as well
+    }
 
 
 def _too_large(config: Mapping[str, Any], cost: StepCost, free: float) -> str:
@@ -343,9 +251,3 @@ def _taken(device: torch.device) -> float:
     import resource
 
     return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-
-
-def _now(device: torch.device) -> float:
-    if device.type == "cuda":
-        torch.cuda.synchronize(device)
-    return time.perf_counter()

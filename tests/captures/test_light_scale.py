@@ -10,6 +10,7 @@ import torch
 
 import sci_lightning as sci
 from sci_lightning.captures.light_scale import doubtful_brightness, full_scale_of, resolve_aperture
+from sci_lightning.captures.snapshots import Snapshot
 from sci_lightning.errors import BadInput
 
 T, SIDE = 8, 48
@@ -135,3 +136,9 @@ def test_what_a_notebook_gives_wrongly(tmp_path: Path) -> None:
             sci.reconstruct(LIGHT, decoder, mask=tmp_path / "mask.npy", aperture=wrong)
     with pytest.raises(BadInput, match=r"mask_step=.* belongs to a mask"):
         sci.reconstruct(LIGHT, decoder, mask_step=(1, 0))
+
+
+def test_why_a_full_scale_was_chosen_is_a_sentence() -> None:
+    dim = Snapshot("y.tiff", torch.full((1, 2, 2), 1622 / 65535), 65535.0, integer=True, chosen="whole numbers")
+    chosen = dim.as_sum(8.0).chosen
+    assert "sum of 8-bit frames" in chosen and "end at 1622" in chosen and "full_scale=65535" in chosen

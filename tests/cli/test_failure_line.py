@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from sci_lightning.cli.command_line import check_words
+from sci_lightning.cli.composition import compose
 from sci_lightning.configuration.annotation import in_words
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import Mask
@@ -43,6 +44,15 @@ def test_one_line_and_nothing_written(refused: Refused, tmp_path: Path) -> None:
     assert "bits=3" in refused("export_mask", "ckpt_path=a.ckpt", "--bits", "3")
     assert "e2e_cnn" in refused("train", "seed=1,2", "-m", "decoder=nonsense", "out=sweep")
     assert not (tmp_path / "outputs").exists()
+
+
+def test_a_search_path_that_is_no_folder(refused: Refused, tmp_path: Path) -> None:
+    """Hydra only warns, in its own words, and goes on without it."""
+    for place in ("file://nowhere", "pkg://nowhere.conf", "nowhere"):
+        line = refused("benchmark", "decoder=linear", f"hydra.searchpath=[{place}]")
+        assert re.search(r"hydra\.searchpath: nowhere\S* is no folder .*file://FOLDER", line)
+    with pytest.raises(BadInput, match=r"hydra\.searchpath: nowhere"):
+        compose("train", ["decoder=mine", "hydra.searchpath=[file://nowhere]"])
 
 
 def test_a_plugin_that_is_not_installed(refused: Refused, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -128,22 +129,42 @@ def test_commands_by_name(command: Command) -> None:
     assert "FOLDER out=FILE" in command("", "captures", "pack", "--help").stdout
 
 
-def test_completion_in_bash(tmp_path: Path) -> None:
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion(shell: str, tmp_path: Path) -> None:
+    if shutil.which(shell) is None:
+        pytest.skip(f"{shell} is not installed")
     program = tmp_path / "sci-lightning"
     program.write_text(f"#!{sys.executable}\nfrom sci_lightning.__main__ import main\nmain()\n")
     program.chmod(0o755)
-    script = 'eval "$(sci-lightning completion)"\n'
+    script = "sci-lightning completion fish | source\n" if shell == "fish" else 'eval "$(sci-lightning completion)"\n'
     for line in ("sci-lightning ev", "sci-lightning train decoder=e", "sci-lightning captures i"):
         words = line.split()
+        if shell == "fish":
+            script += f"echo (complete -C '{line}')\n"
+            continue
         script += f'COMP_LINE="{line}" COMP_CWORD={len(words) - 1} COMP_WORDS=({line})\n'
         script += '_sci_lightning\necho "${COMPREPLY[@]}"\n'
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}"}
-    done = subprocess.run(["bash", "-c", script], env=environment, capture_output=True, text=True, cwd=tmp_path)
-    assert done.stdout.splitlines() == [
-        "evaluate",
-        "decoder=e2e_cnn decoder=efficientsci decoder=elp_unfolding",
-        "info",
-    ]
+    environment |= {"HOME": str(tmp_path)}
+    done = subprocess.run([shell, "-c", script], env=environment, capture_output=True, text=True, cwd=tmp_path)
+    lines = done.stdout.splitlines()
+    expected = ["evaluate", "decoder=e2e_cnn decoder=efficientsci decoder=elp_unfolding", "info"]
+    if shell == "zsh":  # which itself compares what it is given with the letters that are there
+        assert all(set(right.split()) <= set(line.split()) for right, line in zip(expected, lines, strict=True))
+    else:
+        assert lines == expected
+
+
+@pytest.mark.parametrize("words", [["completion"], ["--help"], ["train", "--help"], ["train", "--cfg", "job"]])
+def test_output_that_nobody_reads(words: list[str], tmp_path: Path) -> None:
+    """``COMMAND | head -1`` ends without a word about the pipe."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    program = [sys.executable, "-m", "sci_lightning", *words]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(program, stdout=writer, stderr=subprocess.PIPE, env=environment, cwd=tmp_path, text=True)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (1, "")
 
 
 def test_what_answers_at_once_does_not_load_torch() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -22,6 +23,14 @@ LONG = ("calibrate-and-diagnose", "diagnose-from-snapshots", "learn-a-mask-and-a
 NEEDS_TORCHVISION = ("deepinv",)
 """Notebooks that the build executes only where deepinv can be imported; tests/encoder/test_physics.py tests what they
 show."""
+
+FIRST = {
+    "full_scale": "how-to/camera-files",
+    "LZW": "how-to/camera-files",
+    "Slurm": "how-to/cluster",
+    "zsh": "how-to/first-hour",
+}
+"""What a reader looks for, and the page that the site's search shows first."""
 
 
 def cells(notebook: Path) -> list[dict[str, Any]]:
@@ -60,6 +69,9 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     words = (tmp_path / "searchindex.js").read_text()
     assert all(word in words for word in ("full_scal", "lzw", "slurm", "zsh"))
+    if node := shutil.which("node"):
+        search = [node, str(Path(__file__).with_name("search.js")), str(tmp_path), *FIRST]
+        assert subprocess.run(search, capture_output=True, text=True).stdout.split() == list(FIRST.values())
     for page in set(tmp_path.rglob("*.html")) - set((tmp_path / "_static").rglob("*")):
         text = page.read_text()
         for target in re.findall(r'(?:href|src)="([^"#:?]+)[^":]*"', text):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import pytest
 import torch
@@ -132,3 +132,32 @@ def test_a_scale_that_nothing_states(video: torch.Tensor) -> None:
     done = sci.reconstruct(stated, decoder, told, say=lambda line: None)
     assert torch.allclose(torch.from_numpy(done.video), decoder(told(video), told.transmittance()), atol=1e-4)
     assert "per_snapshot" in repr(told) and "not told" in repr(Encoder(told.mask, told.sensor, 0.3, told=False))
+
+
+@pytest.mark.parametrize("aperture", [0.25, torch.tensor([0.1, 0.2, 0.4, 0.5])], ids=["one", "of each snapshot"])
+@pytest.mark.parametrize(
+    "divide",
+    [
+        lambda y: y.split(3),
+        lambda y: torch.split(y, [1, 3]),
+        lambda y: y.chunk(2),
+        lambda y: y.tensor_split(2),
+        lambda y: y.hsplit(2),
+        lambda y: y.unbind(0),
+        lambda y: list(y),
+    ],
+    ids=["split", "sizes", "chunk", "tensor_split", "hsplit", "unbind", "iteration"],
+)
+def test_parts_keep_their_scale(
+    divide: Callable[[torch.Tensor], Sequence[torch.Tensor]], aperture: float | torch.Tensor
+) -> None:
+    """As slices do: a part that was a plain tensor would be decoded with another scale, without a word."""
+    values = torch.rand(4, 6, 8)
+    whole = Measurement(values, aperture=aperture, full_scale=2.0)
+    for part, right in zip(divide(whole), divide(whole.linear()), strict=True):
+        assert isinstance(part, Measurement) and torch.equal(part.linear(), right)
+
+
+def test_parts_of_an_operation_without_a_scale_are_refused() -> None:
+    with pytest.raises(BadInput, match="scale of this tensor is unknown"):
+        Measurement(torch.rand(4, 6, 8), aperture=0.25).sort(0).values.linear()

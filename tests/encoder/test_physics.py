@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import json
+import re
 import sys
 import types
 from collections.abc import Iterator
@@ -17,6 +19,7 @@ from sci_lightning.encoder.effects import MaskShift
 from sci_lightning.encoder.mask import RandomBinary
 from sci_lightning.encoder.sensor import Ideal
 from sci_lightning.errors import BadInput
+from tests.conftest import ROOT
 
 
 def encoder() -> Encoder:
@@ -110,3 +113,14 @@ def test_solvers() -> None:
     settings = {"stepsize": step, "sigma_denoiser": 0.05, "max_iter": 40}
     estimate = PGD(data_fidelity=L2(), prior=PnP(TVDenoiser(n_it_max=10)), **settings)(measurement, physics)
     assert (estimate - video).square().mean() < 0.5 * (least - video).square().mean()
+
+
+@pytest.mark.usefixtures("deepinv")
+def test_the_notebook(capsys: pytest.CaptureFixture[str]) -> None:
+    """The site executes it only where torchvision can be imported; a wrong light scale would show as a few dB."""
+    notebook, names = ROOT / "docs" / "tutorials" / "deepinv.ipynb", {"__name__": "notebook"}
+    for cell in json.loads(notebook.read_text())["cells"]:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+    solver, universal, by_their_metric = map(float, re.findall(r"([\d.]+) dB", capsys.readouterr().out))
+    assert solver > 24 and universal > 31 and abs(by_their_metric - universal) < 0.5

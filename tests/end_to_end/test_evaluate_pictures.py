@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import lightning as L
 import numpy as np
 import pytest
 import torch
@@ -17,6 +19,7 @@ from PIL import Image
 from sci_lightning.data.source import Scene
 from sci_lightning.runs.results import with_effects
 from sci_lightning.training.callbacks import Pictures, ScenePictures
+from tests.training.small_training import BATCHES, EPOCHS, scenes, system_and_trainer
 
 QUICK = ["decoder=gap_tv", "decoder.iterations=[2]", "data=synthetic", "size=[32,32]", "metrics.qscore=null"]
 QUICK += ["trainer.accelerator=cpu"]
@@ -75,3 +78,17 @@ def test_pictures_of_a_training_replace_links(tmp_path: Path) -> None:
     Pictures(str(tmp_path / "pictures"))._show(trainer, [("mask", Figure(), Figure())])
     assert (tmp_path / "thesis.tex").read_text() == "precious"
     assert (tmp_path / "pictures" / "mask.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_short_epochs_are_not_all_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawing takes a small part of the time; the state at the end is drawn whatever it takes."""
+    drawn: list[int] = []
+
+    def show(_: Pictures, trainer: L.Trainer, figures: Any) -> None:
+        drawn.append(trainer.global_step)
+        time.sleep(0.3)
+
+    monkeypatch.setattr(Pictures, "_show", show)
+    system, trainer, clips = system_and_trainer(tmp_path, [Pictures(str(tmp_path / "pictures"))])
+    trainer.fit(system, clips, scenes())
+    assert drawn == [0, BATCHES, EPOCHS * BATCHES]

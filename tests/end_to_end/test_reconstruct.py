@@ -12,6 +12,8 @@ import pytest
 from scipy.io import savemat
 from tifffile import imwrite
 
+from tests.conftest import ROOT
+
 QUICK = ["decoder=gap_tv", "decoder.iterations=[2]", "device=cpu", "out=run"]
 SIDE = 64
 
@@ -56,7 +58,11 @@ def test_no_mask_is_invented(refused: Callable[..., str], camera: np.ndarray, tm
     np.save(tmp_path / "snapshot.npy", camera.astype(np.float32))
     for named in ([], ["encoder=lsw_sr", "seed=3"], ["decoder.camera=rbw_sr"]):
         line = refused("reconstruct", *QUICK, "measurement=snapshot.npy", "size=[64,64]", *named)
-        assert "nothing says which mask" in line and "mask=FILE" in line and "ckpt_path=" in line
+        assert "no snapshot can be decoded without" in line and "mask=FILE" in line and "ckpt_path=" in line
+        page, heading = re.search(r"(docs/\S+\.md), '(.+)', says", line).groups()  # type: ignore[union-attr]
+        text = (ROOT / page).read_text()
+        section = text[text.index(f"## {heading}\n") :].partition("\n")[2].partition("\n## ")[0]
+        assert len(section.split()) <= 120
     assert not (tmp_path / "run" / "video.gif").exists()
 
 

@@ -14,8 +14,10 @@ from scipy.io import savemat
 from tifffile import imwrite
 
 from sci_lightning.errors import BadInput, InputWarning
-from sci_lightning.files.mask_file import read_mask_file, transmittance
+from sci_lightning.files.array_file import ENDINGS
+from sci_lightning.files.mask_file import MASK_FILES, read_mask_file, transmittance
 from sci_lightning.files.modulator_files import Layout, timing_of, write_planes
+from sci_lightning.files.picture_file import PICTURES
 
 RANDOM = np.random.default_rng(0)
 BINARY = (RANDOM.random((12, 24, 32)) < 0.5).astype(np.uint8)
@@ -105,3 +107,10 @@ def test_dn_with_a_dark_level() -> None:
         transmittance(GREY // 16, "a", settings="mask_")
     with pytest.raises(BadInput, match=r"-1 to 1.*two exposures"):
         transmittance(1 - 2.0 * BINARY, "a")
+
+
+def test_what_is_read_in_words() -> None:
+    """Messages name every kind of file that is read."""
+    names = {"h5": "HDF5", "tif": "TIFF", "jpg": "JPEG", "jpeg": "JPEG"}
+    kinds = {ending.lstrip(".") for ending in (*ENDINGS, *PICTURES)}
+    assert all(names.get(kind, kind.upper()) in MASK_FILES for kind in kinds)

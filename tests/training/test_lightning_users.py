@@ -20,6 +20,7 @@ from sci_lightning.encoder.mask import LearnedStructural
 from sci_lightning.encoder.sensor import ClipQuantise
 from sci_lightning.errors import BadInput
 from sci_lightning.metrics import PSNR
+from sci_lightning.training.callbacks.progress import Progress
 from sci_lightning.training.system import System
 from sci_lightning.training.training_checkpoint import TrainingCheckpointIO
 from sci_lightning.training.video_data import VideoData
@@ -153,3 +154,8 @@ def test_a_checkpoint_of_ours_is_not_begun_anew_by_a_plain_trainer(tmp_path: Pat
     run = trainer(tmp_path, 2, plugins=[TrainingCheckpointIO(later)])
     run.fit(later, VideoData(Two(), batch_size=2), ckpt_path=path)
     assert run.global_step == 4
+
+
+def test_the_bar_says_of_what_it_shows_a_part() -> None:
+    assert Progress()._in_words(0.99, training=True) == "99% of this step computed"
+    assert Progress()._in_words(0.5, training=False) == "50% of this validation snapshot computed"

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import csv
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,6 +18,8 @@ from omegaconf import DictConfig
 from sci_lightning.cli.composition import plain
 from sci_lightning.errors import BadInput
 from sci_lightning.training.loggers import RUN_ID, AppendingCSVLogger, build_loggers, run_name, with_run_ids
+from tests.conftest import ROOT, members
+from tests.training.small_training import TINY
 
 Configuration = Callable[..., DictConfig]
 
@@ -92,3 +97,18 @@ def test_the_csv_logger_appends(tmp_path: Path) -> None:
     logger.save()
     with path.open(newline="") as file:
         assert [(row["step"], row["a"]) for row in csv.DictReader(file)][-2:] == [("2", "2.0"), ("3", "3.0")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in members("logger") if name != "none"])
+def test_a_training_with_each(name: str, tmp_path: Path) -> None:
+    """Without a network: W&B writes for a later ``wandb sync``, MLflow into a folder or a data base of the run's."""
+    if name in RUN_ID and find_spec(name) is None:
+        pytest.skip(f"{name} is not installed: pip install 'sci-lightning[{name}]' -c constraints.txt")
+    more = ["logger.wandb.offline=true"] if name == "wandb" else []
+    train = [sys.executable, "-m", "sci_lightning.train", *TINY, "metric=[psnr]", f"logger={name}", *more, "out=run"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(train, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0 and (tmp_path / "run" / "metrics.json").is_file(), done.stderr
+    left = [path for path in (tmp_path / "run").rglob(f"{name}*") if path.is_file() or any(path.iterdir())]
+    assert left and [path.name for path in tmp_path.iterdir()] == ["run"]

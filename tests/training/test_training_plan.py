@@ -7,12 +7,16 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from sci_lightning.data.loader import share_of_batch
 from sci_lightning.errors import BadInput
+from sci_lightning.training import step_cost
 from sci_lightning.training import training_plan as plans
+from sci_lightning.training.training_length import steps_between_validations
 from sci_lightning.training.training_plan import TrainingPlan, duration, duration_line
 from tests.conftest import ROOT
 
@@ -57,6 +61,45 @@ def test_a_plan_counts_the_clips_of_the_data(ran: Callable[..., str], refused: C
     assert "no whole batch" in refused("train", *SMALL, "batch_size=2000", "dry_run=true")
 
 
+def test_a_plan_counts_validations_and_names_the_clips_kept_for_them(
+    ran: Callable[..., str], refused: Callable[..., str], tmp_path: Path
+) -> None:
+    """After short epochs most of the time is theirs; a folder of one clip is refused as the training refuses it."""
+    for folder, count in (("one", 1), ("five", 5)):
+        (tmp_path / folder).mkdir()
+        for number in range(count):
+            np.savez(tmp_path / folder / f"clip{number}.npz", np.zeros((80, 40, 40), np.uint8))
+    words = (*SMALL, "size=[32,32]", "data=folder", "data.clips_per_epoch=1", "trainer.max_epochs=300")
+    words += ("decoder.channels=2", "crop=[16,16]", "data.store=store")
+    printed = ran("train", *words, "data.root=five", "dry_run=true")
+    assert re.search(r"300 validations and the test take about .* more; .*clips_per_epoch", printed)
+    assert re.search(r"clip\d.npz, 1 of 5 clips; data.val_root=FOLDER names others", printed)
+    named = ran("train", *words, "data.root=five", "data.val_root=one", "dry_run=true")
+    assert "kept for" not in named
+    never = ran("train", *words, "data.root=five", "+trainer.limit_val_batches=0", "dry_run=true")
+    assert "less often" not in never
+    for dry_run in ("true", "false"):
+        assert "single clip" in refused("train", *words, "data.root=one", f"dry_run={dry_run}")
+
+
+@pytest.mark.parametrize(
+    ("trainer", "steps"),
+    [
+        ({}, 10),
+        ({"check_val_every_n_epoch": 3}, 30),
+        ({"val_check_interval": 0.5}, 5),
+        ({"val_check_interval": 40, "accumulate_grad_batches": 2}, 20),
+    ],
+)
+def test_steps_between_validations(trainer: dict[str, Any], steps: float) -> None:
+    assert steps_between_validations(trainer, 10) == steps
+
+
+def test_a_limit_on_the_duration_includes_validations() -> None:
+    plan = TrainingPlan(100, 10, 1000, 1, 0.1, "cpu", most_seconds=20, validation_steps=10, validation_seconds=1.0)
+    assert plan.expected_steps == 100
+
+
 def test_a_limit_on_the_duration_as_a_scale_states_it() -> None:
     """``scale=gpu30`` has an object in place of a text."""
     assert plans.most_seconds({"max_time": {"_target_": "datetime.timedelta", "minutes": 25}}) == 1500
@@ -85,7 +128,7 @@ def test_the_duration_in_a_sentence() -> None:
     assert "5 minutes on this machine" in duration_line(300, 45)
     assert duration_line(7200, 45, 600).endswith("ends after 10 minutes")
     assert "ends after 45 minutes of processor time" in duration_line(7200, 45, 6000)
-    assert TrainingPlan(100, 1, 100, 1, 0.1, "cpu").lines()[0].startswith("100 steps of 1 clip: 1 epoch of 100 clips")
+    assert TrainingPlan(100, 100, 100, 1, 0.1, "cpu").lines()[0].startswith("100 steps of 1 clip: 1 epoch of 100 clips")
 
 
 def test_above_a_day_it_says_what_makes_sense(ran: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,9 +154,9 @@ def test_what_does_not_fit_into_memory_is_refused_with_what_does(
 
 
 def test_a_straight_line_over_the_pixels() -> None:
-    assert plans._line([(256, 3.0), (512, 4.0), (1024, 6.0)], 65536) == pytest.approx((258.0, 2.0))
-    assert plans._line([(256, 3.0)], 512) == (6.0, 0.0)
-    assert plans._windows(24, 100)[0] == (16, 16) and plans._windows(24, 100)[-1] == (24, 100)
+    assert step_cost._line([(256, 3.0), (512, 4.0), (1024, 6.0)], 65536) == pytest.approx((258.0, 2.0))
+    assert step_cost._line([(256, 3.0)], 512) == (6.0, 0.0)
+    assert step_cost._windows(24, 100)[0] == (16, 16) and step_cost._windows(24, 100)[-1] == (24, 100)
 
 
 def test_a_plan_is_measured_without_lightning() -> None:

@@ -69,6 +69,7 @@ def reconstruct(composition: Composition) -> None:
     from sci_lightning.decoder.layers import kernels
     from sci_lightning.errors import BadInput
     from sci_lightning.files.array_file import array_names
+    from sci_lightning.files.mask_file import MASK_FILES
     from sci_lightning.files.packed_file import raw_layout
     from sci_lightning.runs.reconstruction import FILES
     from sci_lightning.runs.reconstruction import reconstruct as decode_snapshots
@@ -84,8 +85,9 @@ def reconstruct(composition: Composition) -> None:
     if not mask_of_training and cfg.mask is None and not _mask_is_known(composition):
         if not {"mask", "mask_bayer"} & array_names(cfg.measurement):
             raise BadInput(
-                "nothing says which mask the snapshot was taken with, and a random one would decode noise: give "
-                "mask=FILE (MAT, NPY, H5), encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt"
+                f"no snapshot can be decoded without the mask that it was taken with: give mask=FILE ({MASK_FILES}), "
+                "encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt; docs/how-to/reconstruct.md, 'I have a "
+                "snapshot without a mask', says how to record one"
             )
         cfg.mask = cfg.measurement
     decoder = checkpoint.decoder()

@@ -11,6 +11,7 @@ from scipy.ndimage import uniform_filter
 
 from sci_lightning.diagnosis.blind.snapshot_noise import NoiseFacts, noise_facts
 from sci_lightning.errors import BadInput
+from sci_lightning.files.mask_file import MASK_FILES
 
 DARK_END = 0.02
 """Part of the range above the darkest pixel in which a black level is looked for: further up it may be a dim scene."""
@@ -173,8 +174,8 @@ def still_needed(facts: SnapshotFacts, has_mask: bool, has_known_scenes: bool) -
     needed = []
     if not has_mask:
         needed.append(
-            "the mask: without it nothing can be said of modulator, relay and exposure; give mask=FILE (.mat, .npy or "
-            ".h5 of T x H x W in [0, 1]), or record one flat field for every pattern"
+            "the mask: without it nothing can be said of modulator, relay and exposure; give mask=FILE "
+            f"({MASK_FILES}), or record one flat field for every pattern"
         )
     if not has_known_scenes:
         needed.append(

@@ -21,8 +21,9 @@ from sci_lightning.decoder.tiling.memory import kept_for_gradients
 from sci_lightning.errors import BadInput
 from sci_lightning.studies.tables.grid import Grid
 from sci_lightning.studies.tables.rows import TableRow
-from sci_lightning.training.training_length import counted_steps, most_seconds
-from sci_lightning.training.training_plan import BEYOND_ACTIVATIONS, PER_PARAMETER, TrainingPlan
+from sci_lightning.training.step_cost import BEYOND_ACTIVATIONS, PER_PARAMETER
+from sci_lightning.training.training_length import counted_steps, most_seconds, source_of
+from sci_lightning.training.training_plan import TrainingPlan
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,8 @@ def row_plan(decoder: str, config: Mapping[str, Any], device: str, count: int = 
     Raises:
         BadInput: settings that leave no step.
     """
-    clips, epochs, steps = counted_steps(config)
+    known = config["data"].get("clips_per_epoch")
+    clips, per_epoch, steps = counted_steps(config, None if known else source_of(config))
     with torch.device("meta"):
         network = build(config["decoder"], "decoder")
     height, width = config["crop"]
@@ -112,7 +114,7 @@ def row_plan(decoder: str, config: Mapping[str, Any], device: str, count: int = 
     kept = kept_for_gradients(network.train(), config["frames"], (height, width), not precision.startswith("32"))
     return TrainingPlan(
         clips,
-        epochs,
+        per_epoch,
         steps,
         batch,
         step_seconds=6 * macs * batch / (rate(device, decoder, macs) * count),

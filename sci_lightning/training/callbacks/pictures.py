@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -22,8 +23,15 @@ CORNER = 24
 """Side in pixels of the part of a slot whose single pixels can be made out on a dashboard."""
 
 
+DRAWING_SHARE = 0.1
+"""Part of a training's time that drawing may take: with short epochs it would otherwise take most of it."""
+
+
 class Pictures(L.Callback):
-    """Draws the mask before the first step, and mask and reconstructions of some scenes after every validation.
+    """Draws the mask before the first step, and mask and reconstructions of some scenes after validations.
+
+    Validations that follow each other so closely that drawing would take more than :data:`DRAWING_SHARE` of the time
+    are passed over; the last one is always drawn.
 
     TensorBoard gets a series of two images side by side, large enough for its cards; ``folder`` has PNG files of the
     latest state with all slots and frames.
@@ -36,6 +44,8 @@ class Pictures(L.Callback):
     def __init__(self, folder: str, scenes: int = 2) -> None:
         self.folder = Path(folder)
         self.scenes = scenes
+        self._due = 0.0  # on the monotonic clock
+        self._is_drawn = True
 
     def on_train_start(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         if trainer.is_global_zero and trainer.global_step == 0 and isinstance(pl_module, System):
@@ -44,7 +54,15 @@ class Pictures(L.Callback):
     def on_validation_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
         if not trainer.is_global_zero or trainer.sanity_checking or not isinstance(pl_module, System):
             return
-        self._show(trainer, self._figures(trainer, pl_module))
+        self._is_drawn = (begun := time.monotonic()) >= self._due
+        if self._is_drawn:
+            self._show(trainer, self._figures(trainer, pl_module))
+            self._due = time.monotonic() + (time.monotonic() - begun) / DRAWING_SHARE
+
+    def on_fit_end(self, trainer: L.Trainer, pl_module: L.LightningModule) -> None:
+        if not self._is_drawn:
+            self._due = 0.0
+            self.on_validation_end(trainer, pl_module)
 
     def _show(self, trainer: L.Trainer, drawn: Iterable[tuple[str, Figure, Figure]]) -> None:
         self.folder.mkdir(parents=True, exist_ok=True)

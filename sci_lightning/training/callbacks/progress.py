@@ -84,13 +84,17 @@ class Progress(RichProgressBar):
         bar = self.train_progress_bar_id if training else self.val_progress_bar_id
         if not self.progress.console.is_terminal:
             if time.monotonic() - self._last_line >= self.line_seconds:
-                self._write_line(trainer, pl_module, f", {part:.0%} of the next {'step' if training else 'scene'}")
+                self._write_line(trainer, pl_module, f", {self._in_words(part, training)}")
         elif bar is not None:
             loop = trainer.fit_loop.epoch_loop
             batch = loop.batch_idx if training else loop.val_loop.batch_progress.current.completed
             name = next(task.description for task in self.progress.tasks if task.id == bar).partition(" · ")[0]
-            self.progress.update(bar, completed=batch + part, description=f"{name} · {part:.0%} of the next")
+            words = self._in_words(part, training)
+            self.progress.update(bar, completed=batch + part, description=f"{name} · {words}")
             self.refresh()
+
+    def _in_words(self, part: float, training: bool) -> str:
+        return f"{part:.0%} of this {'step' if training else 'validation snapshot'} computed"
 
     def get_metrics(self, trainer: L.Trainer, pl_module: L.LightningModule) -> dict[str, Any]:
         metrics = super().get_metrics(trainer, pl_module)
