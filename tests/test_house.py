@@ -9,6 +9,7 @@ import ast
 import re
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from statistics import median
 
@@ -57,6 +58,7 @@ def imports_of(file: Path, modules: set[str]) -> Iterator[str]:
             yield from inside or {node.module}
 
 
+@cache
 def arrows() -> dict[str, set[str]]:
     """Return the modules that each module imports; files that start a command are left out."""
     files = {module_of(file): file for file in FILES if not starts_a_command(file)}

@@ -118,8 +118,8 @@ def test_a_datasheet_can_be_withheld(tmp_path: Path) -> None:
 
 
 def test_every_effect_can_be_stated_as_truth() -> None:
-    few = {"dark": 1, "flat": 1, "all_on": 0, "all_off": 0, "pattern": 0, "static": 0, "dynamic": 1}
-    session = Session(size=(16, 16), frames=4, oversampling=1, **few)
+    few = {"dark": 0, "flat": 0, "all_on": 0, "all_off": 0, "pattern": 0, "static": 0, "dynamic": 2}
+    session = Session(size=(16, 16), frames=2, oversampling=1, surround="dark", **few)
     simulation = VirtualCamera(session, list(EFFECTS)).simulate(seed=1)
     assert list(simulation.effects) == list(EFFECTS)  # in the order of light
     assert len(json.loads(json.dumps(simulation.truth().as_json()))["effects"]) == len(EFFECTS)

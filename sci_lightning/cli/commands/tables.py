@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from omegaconf import OmegaConf
 
@@ -68,14 +68,16 @@ def tables_of(composition: Composition, on_left_out: Callable[[str], None] = lam
     from sci_lightning.studies.tables.paper_figures import paper_figures
     from sci_lightning.studies.tables.paper_tables import make_tables
 
-    def members(group: str, names: Iterable[str]) -> dict[str, Any]:
-        words = {name: [f"{group}={name}", "frames=8", "size=[32,32]"] for name in names}
-        # of encoders whose mask is a file, the file is missing
-        return {name: OmegaConf.to_container(compose("train", words[name]).cfg[group], resolve=True) for name in words}
-
     counted = [name for name in group_members("decoder") if name in paper_figures()["decoders"]]
-    decoders, encoders = members("decoder", counted), members("encoder", group_members("encoder"))
-    return make_tables(plain(composition.cfg), decoders, encoders, on_left_out)
+    words = [
+        f"+{group}@members.{group}.{name}={name}"  # one composition that holds all of them
+        for group, names in (("decoder", counted), ("encoder", group_members("encoder")))
+        for name in names
+    ]
+    members = compose("train", ["frames=8", "size=[32,32]", *words]).cfg.members
+    # of encoders whose mask is a file, the file is missing
+    decoders, encoders = (OmegaConf.to_container(members[group], resolve=True) for group in ("decoder", "encoder"))
+    return make_tables(plain(composition.cfg), cast(Any, decoders), cast(Any, encoders), on_left_out)
 
 
 def _of_files(settings: Mapping[str, Any]) -> None:
