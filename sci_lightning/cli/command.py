@@ -30,6 +30,7 @@ from sci_lightning.plain_text import one_printable_line
 from sci_lightning.runs.run_folder import is_first_process, run_folder, undo_if_refused
 
 Task = Callable[[Composition], Any]
+"""What a command does with the composition of its ``conf/COMMAND.yaml``."""
 
 
 def run(name: str, task: Task) -> None:

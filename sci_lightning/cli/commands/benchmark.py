@@ -56,9 +56,6 @@ def benchmark(composition: Composition) -> None:
     """Write ``benchmark.json`` and ``benchmark.md`` and print the table; a decoder that fails does not stop the others.
 
     The files are there from the first decoder on, so that an interrupted benchmark keeps what it has measured.
-
-    Args:
-        composition: of ``conf/benchmark.yaml``.
     """
     import torch
 

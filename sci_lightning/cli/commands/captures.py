@@ -65,11 +65,7 @@ class CapturesRegisterSettings(CommandSettings):
 
 
 def plan(composition: Composition) -> None:
-    """Write the plan of a calibration session into a new folder.
-
-    Args:
-        composition: of ``conf/captures_plan.yaml``.
-    """
+    """Write the plan of a calibration session into a new folder."""
     from sci_lightning.captures.plan import plan_session, random_binary, read_coding_patterns, write_plan
 
     cfg, console = composition.cfg, PlainConsole()
@@ -93,11 +89,7 @@ def plan(composition: Composition) -> None:
 
 
 def pack(composition: Composition) -> None:
-    """Pack a folder into a captures file and print what went in.
-
-    Args:
-        composition: of ``conf/captures_pack.yaml``.
-    """
+    """Pack a folder into a captures file and print what went in."""
     from sci_lightning.captures.pack import pack_captures
     from sci_lightning.captures.table import summary_lines
 
@@ -109,11 +101,7 @@ def pack(composition: Composition) -> None:
 
 
 def register(composition: Composition) -> None:
-    """Find the homography of a captures file's patterns, print what it means, and write it into the file.
-
-    Args:
-        composition: of ``conf/captures_register.yaml``.
-    """
+    """Find the homography of a captures file's patterns, print what it means, and write it into the file."""
     from sci_lightning.captures.registration import register as find_homography
     from sci_lightning.captures.registration.registration import read_unregistered, write_homography
     from sci_lightning.homography import covered, pixels_per_mirror
@@ -143,11 +131,7 @@ def register(composition: Composition) -> None:
 
 
 def info(composition: Composition) -> None:
-    """Print the table of a captures file and write its contact sheet.
-
-    Args:
-        composition: of ``conf/captures_info.yaml``.
-    """
+    """Print the table of a captures file and write its contact sheet."""
     from sci_lightning.captures.contact_sheet import contact_sheet
     from sci_lightning.captures.read import read_captures
     from sci_lightning.captures.table import summary_lines, summary_table

@@ -25,11 +25,7 @@ class ConvertSettings(CommandSettings):
 
 
 def convert(composition: Composition) -> None:
-    """Write a file of weights that ``ckpt_path=`` of evaluate, reconstruct and train takes.
-
-    Args:
-        composition: of ``conf/convert.yaml``.
-    """
+    """Write a file of weights that ``ckpt_path=`` of evaluate, reconstruct and train takes."""
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.runs.checkpoint import load_file, read_checkpoint, write_weights
 

@@ -25,11 +25,7 @@ class DemoSettings(CommandSettings):
 
 
 def demo(composition: Composition) -> None:
-    """Record a moving scene with the trained camera that comes along, decode it, and draw both side by side.
-
-    Args:
-        composition: of ``conf/demo.yaml``.
-    """
+    """Record a moving scene with the trained camera that comes along, decode it, and draw both side by side."""
     import torch
 
     from sci_lightning.cli.next_command import invocation, print_next

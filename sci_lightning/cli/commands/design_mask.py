@@ -31,11 +31,7 @@ class DesignMaskSettings(CommandSettings):
 
 
 def design_mask(composition: Composition) -> None:
-    """Write ``mask.npy`` (T, H, W), ``mask.mat`` (H, W, T), ``design.json`` and pictures of the mask.
-
-    Args:
-        composition: of ``conf/design_mask.yaml``.
-    """
+    """Write ``mask.npy`` (T, H, W), ``mask.mat`` (H, W, T), ``design.json`` and pictures of the mask."""
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.studies.mask_design import design_mask as design_and_write
 

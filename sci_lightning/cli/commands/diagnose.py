@@ -82,9 +82,6 @@ def diagnose(composition: Composition) -> None:
 
     Captures of which no scene is known are diagnosed blind. Of snapshots without a mask only ``snapshots.json`` is
     written: what they tell by themselves.
-
-    Args:
-        composition: of ``conf/diagnose.yaml``.
     """
     from sci_lightning.cli.next_command import invocation, nearest, print_next
     from sci_lightning.diagnosis.report.pictures import figures

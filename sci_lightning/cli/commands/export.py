@@ -35,11 +35,7 @@ class ExportSettings(CommandSettings):
 
 
 def export(composition: Composition) -> None:
-    """Write the graph once it gives the same videos as torch; print its inputs, the difference and both times.
-
-    Args:
-        composition: of ``conf/export.yaml``.
-    """
+    """Write the graph once it gives the same videos as torch; print its inputs, the difference and both times."""
     import torch
 
     from sci_lightning.cli.next_command import nearest

@@ -27,11 +27,7 @@ class ExportMaskSettings(CommandSettings):
 
 
 def export_mask(composition: Composition) -> None:
-    """Write bit planes, 8-bit frames and ``planes.json``, read the planes back, and say whether the timing fits.
-
-    Args:
-        composition: of ``conf/export_mask.yaml``.
-    """
+    """Write bit planes, 8-bit frames and ``planes.json``, read the planes back, and say whether the timing fits."""
     import torch
 
     from sci_lightning.cli.next_command import invocation, print_next

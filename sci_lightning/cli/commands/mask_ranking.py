@@ -16,8 +16,6 @@ FILE = "mask_ranking.json"
 
 @dataclass(frozen=True)
 class MaskRankingSettings(StudySettings):
-    """Types and ranges of ``conf/mask_ranking.yaml``, which states the defaults and what they mean."""
-
     root: ExistingPath
     val_root: ExistingPath
     frames: Frames
@@ -31,9 +29,6 @@ class MaskRankingSettings(StudySettings):
 
 def mask_ranking(composition: Composition) -> None:
     """Train behind every mask that has no record yet, and write ``mask_ranking.json``.
-
-    Args:
-        composition: of ``conf/mask_ranking.yaml``.
 
     Raises:
         MachineFailure: masks failed; the others have their records.

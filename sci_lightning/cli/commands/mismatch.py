@@ -26,8 +26,6 @@ if TYPE_CHECKING:  # --help answers without torch
 
 @dataclass(frozen=True)
 class MismatchSettings(StudySettings):
-    """Types and ranges of ``conf/mismatch.yaml``, which states the defaults and what they mean."""
-
     decoders: Annotated[Sequence[Name], MinLen(1)] | None
     weights: Mapping[str, Place]
     trusted: Sequence[Name]
@@ -53,9 +51,6 @@ class MismatchSettings(StudySettings):
 
 def mismatch(composition: Composition) -> None:
     """Run every camera with every decoder; what has a record is not computed again.
-
-    Args:
-        composition: of ``conf/mismatch.yaml``.
 
     Raises:
         MachineFailure: cases failed; the others have their records.

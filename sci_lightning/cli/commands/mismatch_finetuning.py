@@ -27,8 +27,6 @@ MEAN = "mean_measurement"
 
 @dataclass(frozen=True)
 class MismatchFinetuningSettings(CommandSettings):
-    """Types and ranges of ``conf/mismatch_finetuning.yaml``, which states the defaults and what they mean."""
-
     overrides: Annotated[str, DocInfo("overrides of every training, as one text")]
     protocol: Annotated[str, DocInfo("overrides of the protocol, as one text")]
     recipe: Annotated[str, DocInfo("overrides of every fine-tuning, as one text")]
@@ -39,9 +37,6 @@ def mismatch_finetuning(composition: Composition) -> None:
     """Train behind the ideal camera, fine-tune and train anew behind the diagnosed one, and score them all.
 
     Everything that is finished is kept in ``out``: the same command goes on after an interruption.
-
-    Args:
-        composition: of ``conf/mismatch_finetuning.yaml``.
     """
     from sci_lightning.cli.notebook import train
     from sci_lightning.studies.engine import run_cases

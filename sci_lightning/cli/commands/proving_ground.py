@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from sci_lightning.cli.command import run
 from sci_lightning.cli.composition import Composition, plain
 from sci_lightning.cli.settings import BitDepth, Name, StudySettings
 from sci_lightning.configuration.bounds import Frames, Repeats, Seed, Size
@@ -41,8 +40,6 @@ PLACES = ("out", "workers", "threads", "job", "run", "debug")
 
 @dataclass(frozen=True)
 class ProvingGroundSettings(StudySettings):
-    """Types and ranges of ``conf/proving_ground.yaml``, which states the defaults and what they mean."""
-
     suites: Sequence[Name]
     seeds: Repeats
     first_round: Seed
@@ -58,11 +55,7 @@ class ProvingGroundSettings(StudySettings):
 
 
 def proving_ground(composition: Composition) -> None:
-    """Run the cases that have no record yet, then write and print the summary of all records in ``out``.
-
-    Args:
-        composition: of ``conf/proving_ground.yaml``.
-    """
+    """Run the cases that have no record yet, then write and print the summary of all records in ``out``."""
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.errors import BadInput
     from sci_lightning.studies.engine import FailedCase, Records
@@ -117,8 +110,3 @@ def run_missing(cases: list[Case], files: Records[Outcome], where: Mapping[str, 
                 console.say(styled("failed", "red"), f" {outcome}")
             else:
                 console.say(styled("right", "green") if outcome.right else styled("wrong", "red"), f"  {outcome}")
-
-
-def main() -> None:
-    """Run the command."""
-    run("proving_ground", proving_ground)

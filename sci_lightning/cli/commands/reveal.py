@@ -33,9 +33,6 @@ class RevealSettings(CommandSettings):
 def reveal(composition: Composition) -> None:
     """Print a table of the parameters, true and estimated, and a verdict in one sentence.
 
-    Args:
-        composition: of ``conf/reveal.yaml``.
-
     Raises:
         BadInput: a file that is missing, or is something else.
     """

@@ -40,9 +40,6 @@ def tables(composition: Composition) -> None:
 
     With ``documentation=DIR`` it writes the measured tables of README.md and docs/ from docs/results/ instead. With
     ``dynamic_range=`` or ``motion_aware=`` it makes one figure and one table of those files, and reads no runs.
-
-    Args:
-        composition: of ``conf/tables.yaml``.
     """
     if composition.cfg.documentation:
         _write_documentation(Path(str(composition.cfg.documentation)))

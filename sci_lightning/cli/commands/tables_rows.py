@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TablesRowsSettings(CommandSettings):
-    """Types and ranges of ``conf/tables_rows.yaml``, which states the defaults and what they mean."""
-
     row_scale: Name
     core_minutes: Positive | None
     steps: Repeats | None
@@ -46,9 +44,6 @@ def tables_rows(composition: Composition) -> None:
     """Train the rows that are not kept yet, where Hydra's launcher runs them; each is kept as it ends.
 
     With ``dry_run=true`` it only says what all rows would take on ``devices``.
-
-    Args:
-        composition: of ``conf/tables_rows.yaml``.
 
     Raises:
         BadInput: settings of no use; a kept row that was trained otherwise.

@@ -53,9 +53,6 @@ def train(composition: Composition) -> float | None:
 
     With ``dry_run=true`` it only says what that would take, and returns None. Ctrl-C or SIGTERM end it with a line that
     says how to go on, and status 130.
-
-    Args:
-        composition: of ``conf/train.yaml``.
     """
     if composition.cfg.dry_run:
         _print_plan(composition)

@@ -43,11 +43,7 @@ class VirtualCameraSettings(CommandSettings):
 
 
 def virtual_camera(composition: Composition) -> None:
-    """Write a captures file and its truth file; print where they are, but not what is hidden.
-
-    Args:
-        composition: of ``conf/virtual_camera.yaml``.
-    """
+    """Write a captures file and its truth file; print where they are, but not what is hidden."""
     from sci_lightning.cli.next_command import invocation, print_next
     from sci_lightning.virtual_camera import Session, VirtualCamera
 
