@@ -48,7 +48,7 @@ ONLY_COMPOSED = (
     "benchmark decoder=e2e_cnn",  # likewise
 )
 """Commands with one of these words are composed with ``--cfg job`` and not run: other tests run the same code."""
-ONLY_IMPORTED = ("sci_lightning.studies.benchmark.convolutions",)
+ONLY_IMPORTED = ("tests.studies.benchmark.convolutions",)
 """Commands without settings, which tests of the same name run on small data."""
 
 

@@ -2,7 +2,7 @@
 
 That over time, height and width keeps T and is computed in the fastest of five ways. Each returns what
 ``torch.nn.functional.conv3d`` returns, to rounding. :func:`fastest_way` is the one place that chooses, by shape and
-type. Its conditions were measured on CPUs, and ``python -m sci_lightning.studies.benchmark.convolutions`` measures them
+type. Its conditions were measured on CPUs, and ``python -m tests.studies.benchmark.convolutions`` measures them
 again; on a GPU the vendor's library chooses for itself among algorithms for what the last three ways hand to it. In
 bfloat16 that library's convolution over time runs at the speed of the processor, so that fewer multiplications in
 float32 (Winograd) or work in blocks lose against it.

@@ -9,13 +9,13 @@ import pytest
 import torch
 
 from sci_lightning.decoder.layers.convolution import WAYS, fastest_way
-from sci_lightning.studies.benchmark.convolutions import SHAPES, Shape, main, measure
 from tests.conftest import ROOT
 from tests.files.formats import check
+from tests.studies.benchmark.convolutions import SHAPES, Shape, main, measure
 
 
 def test_what_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sci_lightning.studies.benchmark.convolutions.SHAPES", [(2, 3, (3, 3, 3), 4)])
+    monkeypatch.setattr("tests.studies.benchmark.convolutions.SHAPES", [(2, 3, (3, 3, 3), 4)])
     monkeypatch.setattr("torch.set_num_threads", lambda number: None)
     main([str(tmp_path / "a.json")])
     content = json.loads((tmp_path / "a.json").read_text())

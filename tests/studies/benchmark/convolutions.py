@@ -1,4 +1,4 @@
-"""``python -m sci_lightning.studies.benchmark.convolutions [FILE.json]``: ways of computing a convolution over time.
+"""``python -m tests.studies.benchmark.convolutions [FILE.json]``: ways of computing a convolution over time.
 
 The results are what :func:`~sci_lightning.decoder.layers.convolution.fastest_way` chooses by. One thread, processor
 time, the fastest of three calls, in GFLOP/s with two operations per multiply-accumulate of the definition.
@@ -6,6 +6,7 @@ time, the fastest of three calls, in GFLOP/s with two operations per multiply-ac
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -17,10 +18,8 @@ import torch
 
 from sci_lightning.decoder.layers.convolution import WAYS, fastest_way
 from sci_lightning.decoder.layers.kernels import channels_last
-from sci_lightning.files.json_file import write_json
-from sci_lightning.runs.device import device_name
 from sci_lightning.runs.precision import multiplies_bfloat16
-from sci_lightning.runs.provenance import provenance_now
+from tests.measurements_file import MeasurementsFile
 
 Shape = tuple[int, int, tuple[int, int, int], int]
 
@@ -75,6 +74,11 @@ def _seconds(work: Callable[[], Any]) -> float:
 def main(arguments: Sequence[str]) -> None:
     """Measure all shapes in the precisions that the processor multiplies, print the rows, and write them."""
     torch.set_num_threads(1)
+    described = {"scale": "convolutions of the networks", "seeds": "0"}
+    command = "python -m tests.studies.benchmark.convolutions"
+    file = MeasurementsFile(
+        Path(arguments[0] if arguments else os.devnull), machine="one core", command=command, **described
+    )
     dtypes = NAMES if multiplies_bfloat16(torch.device("cpu")) else {torch.float32: ""}
     rows = []
     for shape in SHAPES:
@@ -82,19 +86,10 @@ def main(arguments: Sequence[str]) -> None:
             rows.append(measure(shape, dtype))
             figures = (f"{key} {value:.0f}" if isinstance(value, float) else value for key, value in rows[-1].items())
             print(", ".join(figures))
-    device = device_name(torch.device("cpu"))
-    command = "python -m sci_lightning.studies.benchmark.convolutions"
-    speeds = [{"key": name, "title": name.replace("_", " "), "digits": 0} for name in WAYS]
-    content = {
-        "format": "sci-measurements",
-        "format_version": 1,
-        "provenance": provenance_now(device, "convolutions of the networks", [0], command).as_json(),
-        "columns": [{"key": key, "title": key} for key in ("shape", "type", "chosen")] + speeds,
-        "rows": rows,
-        "notes": ["GFLOP/s of one thread's processor time, two operations per multiply-accumulate; the fastest call."],
-    }
-    if arguments:
-        write_json(content, Path(arguments[0]))
+    columns: list[tuple[str, str, int | None]] = [(key, key, None) for key in ("shape", "type", "chosen")]
+    columns += [(name, name.replace("_", " "), 0) for name in WAYS]
+    note = "GFLOP/s of one thread's processor time, two operations per multiply-accumulate; the fastest call."
+    file.write(columns, rows, [note])
 
 
 if __name__ == "__main__":
