@@ -48,8 +48,8 @@ ONLY_COMPOSED = (
     "benchmark decoder=e2e_cnn",  # likewise
 )
 """Commands with one of these words are composed with ``--cfg job`` and not run: other tests run the same code."""
-ONLY_IMPORTED = ("tests.studies.benchmark.convolutions",)
-"""Commands without settings, which tests of the same name run on small data."""
+ONLY_IMPORTED = ("tests.studies.benchmark.convolutions", "tests.studies.mask_ranking")
+"""Measurements, which tests of the same name run on small data."""
 
 
 OWN_FILE = re.compile(r"`([\w/]+\.(?:py|yaml))`:\n\n```(?:python|yaml)\n(.*?)```", re.DOTALL)
@@ -112,8 +112,6 @@ def reduced(arguments: list[str]) -> list[str]:
             return [module, *overrides, "snapshots=1", "decoder=linear"]
         case "design_mask":
             return [module, *overrides, "steps=2", "tile=[4,4]", "size=[32,32]"]
-        case "tables.mask_ranking":  # tests/studies/tables/test_mask_ranking.py runs it on a few masks
-            return [module, *overrides, "--cfg", "job"]
         case "benchmark":
             return [module, *overrides, "size=16", "repeats=1", "product=64"]
         case "evaluate" | "reconstruct":

@@ -9,12 +9,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from sci_lightning.cli.command import run
-from sci_lightning.cli.commands import mask_ranking
-from sci_lightning.cli.composition import compose
 from sci_lightning.errors import BadInput
-from sci_lightning.studies import mask_ranking as study
 from tests.clips import clips
+from tests.studies import mask_ranking as study
 
 
 def few(frames: int, side: int, seed: int) -> dict[str, Callable[[], torch.Tensor]]:
@@ -25,19 +22,19 @@ def test_resumed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest
     clips(tmp_path / "clips", "folder")
     clips(tmp_path / "held_out", "folder")
     monkeypatch.setattr(study, "masks", few)
-    words = ["root=clips", "val_root=held_out", "frames=4", "side=16", "channels=4", "blocks=1", "seconds=0.2", "out=r"]
-    monkeypatch.chdir(tmp_path)
-    mask_ranking.mask_ranking(compose("mask_ranking", words))
+    settings = {**study.SETTINGS, "frames": 4, "side": 16, "channels": 4, "blocks": 1, "seconds": 0.2}
+    places = tmp_path / "clips", tmp_path / "held_out", tmp_path / "r"
+    study.rank_masks(*places, settings)
     assert "rank correlation of 3 masks" in capsys.readouterr().out
     content = json.loads((tmp_path / "r" / "mask_ranking.json").read_text())
     assert len(content["masks"]) == 3 and all(row["psnr_dB"] > 0 for row in content["masks"])
     (tmp_path / "r" / "cases" / "0.5.json").unlink()
     monkeypatch.setattr(study, "trained_psnr", lambda *_: 99.0)
-    mask_ranking.mask_ranking(compose("mask_ranking", words))
+    study.rank_masks(*places, settings)
     again = json.loads((tmp_path / "r" / "mask_ranking.json").read_text())["masks"]
     assert [row["psnr_dB"] == 99 for row in again] == [False, True, False]
     with pytest.raises(BadInput, match=r"0\.2\.json: .*seconds=0\.2, now 0\.3"):
-        mask_ranking.mask_ranking(compose("mask_ranking", [*words, "seconds=0.3"]))
+        study.rank_masks(*places, {**settings, "seconds": 0.3})
 
 
 def test_masks_of_different_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -47,13 +44,3 @@ def test_masks_of_different_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
     result = [make() for make in study.masks(3, 20, 0).values()]
     assert len(result) == 24
     assert all(mask.shape == (3, 20, 20) and mask.min() >= 0 and mask.max() <= 1 for mask in result)
-
-
-def test_the_command_takes_its_settings(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("sys.argv", ["mask_ranking", "root=none", "val_root=none", "side=16"])
-    with pytest.raises(SystemExit):
-        run("mask_ranking", mask_ranking.mask_ranking)
-    assert "error: none: no such file or folder" in capsys.readouterr().err

@@ -14,8 +14,8 @@ from scipy.stats import spearmanr
 
 from sci_lightning.data import Folder
 from sci_lightning.studies.figures.motion_aware import awareness
-from sci_lightning.studies.mask_ranking import masks
 from tests.conftest import ROOT
+from tests.studies.mask_ranking import masks
 
 FRAMES, SIDE, SEED = 8, 64, 0
 

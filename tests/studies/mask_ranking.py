@@ -1,18 +1,22 @@
-"""Scores of many masks, and what a network reaches behind them: does the score predict which mask is better?
+"""``python -m tests.studies.mask_ranking CLIPS VALIDATION OUT``: does the score of a mask predict which mask is better?
 
-The network is trained anew behind every mask, for the same processor time on the same clips.
+A small network is trained anew behind each of 24 masks, for the same processor time on the same clips. What has a
+record in OUT is not trained again; ``mask_ranking.json`` there holds all of them and their rank correlation.
 """
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
+from pathlib import Path
 from typing import Any, Literal
 
 import torch
+from scipy.stats import spearmanr
 
 from sci_lightning.data import Folder
 from sci_lightning.decoder import E2ECNN
@@ -20,13 +24,21 @@ from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import Measured, design_binary, design_structural
 from sci_lightning.encoder.mask.structure import structure, uniform
 from sci_lightning.encoder.sensor import ClipQuantise
-from sci_lightning.files.json_file import says
+from sci_lightning.files.json_file import says, write_json
 from sci_lightning.pipeline import Pipeline
 from sci_lightning.prior import MaskScore
-from sci_lightning.studies.engine.records import CaseRecord, digest_of
+from sci_lightning.studies.engine import CaseRecord, FailedCase, Records, digest_of, run_cases
 
-SHARED = ("frames", "side", "channels", "blocks", "first_estimate", "seconds", "seed")
-"""Settings that all masks of one ranking share."""
+SETTINGS: Mapping[str, Any] = {
+    "frames": 8,
+    "side": 64,
+    "channels": 32,
+    "blocks": 3,
+    "first_estimate": "published",
+    "seconds": 75,
+    "seed": 0,
+}
+"""Slots and pixels of clips and masks, the reduced E2E-CNN, the processor time behind one mask, and the seed."""
 
 
 class RankedMask(CaseRecord):
@@ -46,33 +58,31 @@ class MaskCase:
 
     Attributes:
         name: one of :func:`masks`.
-        settings: of ``conf/mask_ranking.yaml``, as plain data.
+        folders: of the clips to train on and of those to test on.
+        settings: as :data:`SETTINGS`.
     """
 
     name: str
+    folders: tuple[Path, Path]
     settings: Mapping[str, Any]
 
     @property
     def digest(self) -> str:
         """Digest of the mask and the shared settings."""
-        return digest_of({"mask": self.name, **self._shared()})
+        return digest_of({"mask": self.name, **self.settings})
 
     def describe(self) -> dict[str, Any]:
         """Return what its record says of it."""
         about = {"format": "sci-ranked-mask", "format_version": 1, "mask": self.name}
-        return {**about, "digest": self.digest, "settings": self._shared()}
-
-    def _shared(self) -> dict[str, Any]:
-        return {key: self.settings[key] for key in SHARED}
+        return {**about, "digest": self.digest, "settings": dict(self.settings)}
 
 
 def rank(case: MaskCase) -> dict[str, float]:
     """Return the score of a mask and what the network reaches behind it, both in dB."""
     settings = case.settings
     frames, side, seed = settings["frames"], settings["side"], settings["seed"]
-    source = Folder(
-        settings["root"], frames, (side, side), (side, side), seed, val_root=settings["val_root"], clips_per_epoch=1
-    )
+    (root, validation), size = case.folders, (side, side)
+    source = Folder(root, frames, size, size, seed, val_root=validation, clips_per_epoch=1)
     mask = masks(frames, side, seed)[case.name]()
     return {"score_dB": float(MaskScore(frames)(mask)), "psnr_dB": trained_psnr(mask, source, settings)}
 
@@ -120,7 +130,7 @@ def trained_psnr(mask: torch.Tensor, source: Any, settings: Mapping[str, Any]) -
     Args:
         mask: ``(T, H, W)``.
         source: of clips and scenes of this size.
-        settings: of ``conf/mask_ranking.yaml``.
+        settings: as :data:`SETTINGS`.
     """
     torch.manual_seed(settings["seed"])
     fixed = Measured(None, settings["frames"], mask.shape[1:])
@@ -145,3 +155,27 @@ def trained_psnr(mask: torch.Tensor, source: Any, settings: Mapping[str, Any]) -
                 video = scene.video[index][None]
                 errors.append((pipeline(video).clamp(0, 1) - video).square().mean((2, 3)).log10().mul(-10).mean())
     return float(torch.stack(errors).mean())
+
+
+def rank_masks(clips: Path, validation: Path, out: Path, settings: Mapping[str, Any] = SETTINGS) -> None:
+    """Train behind every mask that has no record yet, write ``mask_ranking.json``, and print the correlation.
+
+    Raises:
+        MachineFailure: masks failed; the others have their records.
+    """
+    records = Records(out / "cases", RankedMask)
+    made = masks(settings["frames"], settings["side"], settings["seed"])
+    cases = [MaskCase(name, (clips, validation), settings) for name in made]
+    for ended in run_cases(rank, records.missing(cases), records):
+        if not isinstance(ended, FailedCase):
+            print(f"{ended.mask}: score {ended.score_dB:.2f} dB, trained {ended.psnr_dB:.2f} dB")
+    rows = records.all_of(cases, print)
+    correlation, p_value = spearmanr([row.score_dB for row in rows], [row.psnr_dB for row in rows])
+    content = {"rank_correlation": float(correlation), "p_value": float(p_value), "settings": dict(settings)}
+    shown = [row.model_dump(include={"mask", "score_dB", "psnr_dB"}) for row in rows]
+    write_json({**content, "masks": shown}, out / "mask_ranking.json")
+    print(f"rank correlation of {len(rows)} masks: {correlation:.2f} (p = {p_value:.2g})")
+
+
+if __name__ == "__main__":
+    rank_masks(*map(Path, sys.argv[1:4]))
