@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from statistics import fmean, stdev
 from typing import Any
 
+from sci_lightning.diagnosis.blind.undetermined import UNDETERMINED
 from sci_lightning.studies.mismatch.cameras import GROUPS
-from sci_lightning.studies.mismatch.published import MEANS, SOURCE
 from sci_lightning.studies.mismatch.scenarios import SCENARIOS
 
 Record = Mapping[str, Any]
+
+SOURCE = "InverseNet, arXiv 2603.04538"
+"""Of figures that others published for this protocol, shown beside ours and never mixed with them."""
+
+MEANS: Mapping[str, Mapping[str, float]] = {
+    "gap_tv": {"ideal": 26.75, "mismatched": 15.81, "known": 26.01},
+    "pnp_ffdnet": {"ideal": 29.28, "mismatched": 11.43, "known": 25.39},
+    "elp_unfolding": {"ideal": 34.09, "mismatched": 15.47, "known": 29.40},
+    "efficientsci": {"ideal": 35.39, "mismatched": 14.81, "known": 27.38},
+}
+"""Mean PSNR in dB of the six scenes, by decoder and scenario."""
 
 
 def summary_table(records: Sequence[Record], *, published: bool = False) -> list[list[str]]:
@@ -130,3 +142,60 @@ def _psnr(records: Sequence[Record], training: str, scenario: str) -> dict[int, 
         for record in records
         if record["settings"].get("training") == training and scenario in record["scenarios"]
     }
+
+
+BLIND_SCENARIOS = ("mismatched", "known", "blind")
+"""Scenarios that are compared with a blind diagnosis."""
+BLIND_HEADING = [
+    "PSNR up to gain (dB)",
+    "II",
+    "III",
+    "IV-blind",
+    "III less IV-blind",
+    "largest",
+    "missed",
+    "wrong",
+    "processor seconds of a diagnosis",
+]
+
+
+def diagnosed_blind(records: Sequence[Record]) -> list[Record]:
+    """Return the records with a blind diagnosis; those from before the score up to gain are left out."""
+    return [record for record in records if all(_is_complete(record, key) for key in BLIND_SCENARIOS)]
+
+
+def blind_table(records: Sequence[Record]) -> list[list[str]]:
+    """Return heading and rows: the published camera, then the mean over the drawn ones.
+
+    Args:
+        records: that :func:`diagnosed_blind` chose, of one decoder.
+    """
+    drawn = [record for record in records if record["camera"].startswith("drawn_")]
+    published = [record for record in records if record["camera"] == "published"]
+    groups = {"published": published, f"mean of {len(drawn)} drawn": drawn}
+    return [BLIND_HEADING, *(_blind_row(title, group) for title, group in groups.items() if group)]
+
+
+def _blind_row(title: str, records: Sequence[Record]) -> list[str]:
+    scores = [[record["scenarios"][key]["mean"]["psnr_up_to_gain"] for key in BLIND_SCENARIOS] for record in records]
+    means = [sum(column) / len(column) for column in zip(*scores, strict=True)]
+    lost = [known - blind for _, known, blind in scores]
+    missed: list[str] = []
+    wrong: list[str] = []
+    for record in records:
+        named = [effect["name"] for effect in record["diagnosis"]["blind"]["effects"]]
+        there = [name for name in record["mismatch"] if name not in UNDETERMINED]  # which no snapshots tell
+        missed += [name for name in there if name not in named]
+        wrong += [name for name in named if name not in there]
+    seconds = sorted(round(record["diagnosis"]["blind"]["cpu_seconds"]) for record in records)
+    figures = [f"{value:.2f}" for value in (*means, sum(lost) / len(lost), max(lost))]
+    times = " to ".join(str(value) for value in dict.fromkeys((seconds[0], seconds[-1])))
+    return [title, *figures, _counted(missed), _counted(wrong), times]
+
+
+def _counted(names: Iterable[str]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in Counter(names).most_common())
+
+
+def _is_complete(record: Record, scenario: str) -> bool:
+    return "psnr_up_to_gain" in record["scenarios"].get(scenario, {}).get("mean", {})

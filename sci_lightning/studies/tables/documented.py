@@ -8,6 +8,7 @@ format. A folder of results may be absent: as long as it is, its table is empty.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,11 +17,13 @@ from sci_lightning.files.json_file import JsonFile, JsonObject, Number, read_jso
 from sci_lightning.runs.provenance import NOT_YET, Provenance, joined
 from sci_lightning.studies.benchmark.benchmark_file import Benchmark
 from sci_lightning.studies.benchmark.table import tables
-from sci_lightning.studies.mismatch.blind_summary import blind_table, diagnosed_blind
 from sci_lightning.studies.mismatch.records import read_records
-from sci_lightning.studies.mismatch.summary import finetuning_table, summary_table
+from sci_lightning.studies.mismatch.summary import blind_table, diagnosed_blind, finetuning_table, summary_table
 from sci_lightning.studies.tables.documented_paper import paper_table
 from sci_lightning.studies.tables.grid import DocumentedTable
+
+Records = Sequence[Mapping[str, Any]]
+Rows = list[list[str]]
 
 LEFT_OUT = ("GFLOP/s", "of matmul")
 """Columns of benchmarks that pages have no room for."""
@@ -47,49 +50,26 @@ def benchmark(path: str | Path, part: str) -> DocumentedTable:
     return DocumentedTable(heading, body, measured.provenance)
 
 
-def mismatch(path: str | Path, part: str) -> DocumentedTable:
-    """Return the table of the mismatch protocol: mean PSNR in dB of the scenes, by camera, decoder and scenario.
+def table_of_records(
+    path: str | Path, part: str, table: Callable[[Records], Rows], chosen: Callable[[Records], Records] = list
+) -> DocumentedTable:
+    """Return a table of the mismatch protocol, or of the fine-tunings after it.
 
     Args:
         path: a folder of records.
         part: must be empty.
+        table: returns heading and rows, the heading alone without records.
+        chosen: returns the records that the table shows.
 
     Raises:
         BadInput: a file that is no record, or a part.
     """
-    _without_parts("mismatch", part)
-    records = read_records(path) if Path(path).is_dir() else []
-    return _of_records(records, summary_table(records, published=True))
-
-
-def blind_mismatch(path: str | Path, part: str) -> DocumentedTable:
-    """Return what blind diagnoses are worth: PSNR in dB but for one factor of brightness, and the names.
-
-    Args:
-        path: a folder of records of the mismatch protocol.
-        part: must be empty.
-
-    Raises:
-        BadInput: a file that is no record, or a part.
-    """
-    _without_parts("blind_mismatch", part)
-    records = diagnosed_blind(read_records(path)) if Path(path).is_dir() else []
-    return _of_records(records, blind_table(records))
-
-
-def finetuning(path: str | Path, part: str) -> DocumentedTable:
-    """Return what fine-tuning is worth, of the records that ``python -m sci_lightning.mismatch.finetuning`` writes.
-
-    Args:
-        path: a folder of records.
-        part: must be empty.
-
-    Raises:
-        BadInput: a file that is no record, or a part.
-    """
-    _without_parts("finetuning", part)
-    records = read_records(path) if Path(path).is_dir() else []
-    return _of_records(records, finetuning_table(records))
+    if part:
+        raise BadInput(f"{part}: this table has no parts")
+    records = chosen(read_records(path)) if Path(path).is_dir() else []
+    origins = [Provenance(**record["provenance"]) for record in records]
+    heading, *rows = table(records)
+    return DocumentedTable(heading, rows, joined(origins) if origins else NOT_YET)
 
 
 Cell = Number | str | list[Number]
@@ -140,23 +120,12 @@ def _cell(value: Cell | None, column: Column, path: str | Path) -> str:
     return " / ".join(f"{number:,.{places}f}" for number, places in zip(values, digits, strict=True))
 
 
-def _without_parts(kind: str, part: str) -> None:
-    if part:
-        raise BadInput(f"{kind}.{part}: this table has no parts")
-
-
-def _of_records(records: Sequence[Mapping[str, Any]], rows: list[list[str]]) -> DocumentedTable:
-    """Return the table of a folder of records, whose first row is the heading."""
-    origins = [Provenance(**record["provenance"]) for record in records]
-    return DocumentedTable(rows[0], rows[1:], joined(origins) if origins else NOT_YET)
-
-
 KINDS: dict[str, Callable[[Path, str], DocumentedTable]] = {
     "benchmark": benchmark,
-    "blind_mismatch": blind_mismatch,
-    "finetuning": finetuning,
+    "blind_mismatch": partial(table_of_records, table=blind_table, chosen=diagnosed_blind),
+    "finetuning": partial(table_of_records, table=finetuning_table),
     "measurements": measurements,
-    "mismatch": mismatch,
+    "mismatch": partial(table_of_records, table=partial(summary_table, published=True)),
     "paper": paper_table,
 }
 """The kinds by the names that pages use."""

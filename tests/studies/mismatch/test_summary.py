@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 from sci_lightning.errors import BadInput
-from sci_lightning.studies.mismatch.blind_summary import blind_table, diagnosed_blind
-from sci_lightning.studies.mismatch.summary import finetuning_table, summary_table
-from sci_lightning.studies.tables.documented import blind_mismatch, finetuning, mismatch
+from sci_lightning.studies.mismatch.summary import blind_table, diagnosed_blind, finetuning_table, summary_table
+from sci_lightning.studies.tables.documented import KINDS
 from tests.files.formats import check
+
+blind_mismatch, finetuning, mismatch = (KINDS[kind] for kind in ("blind_mismatch", "finetuning", "mismatch"))
 
 
 def made(
