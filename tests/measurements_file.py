@@ -13,7 +13,7 @@ from typing import Any
 
 import torch
 
-from sci_lightning.studies.proving_ground.proportion import Proportion
+from sci_lightning.studies.proving_ground.reliability import Proportion
 
 ROOT = Path(__file__).parents[1]
 

@@ -14,8 +14,7 @@ from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.files.atomic_file import atomic_write
 from sci_lightning.studies.engine import FailedCase
 from sci_lightning.studies.proving_ground.outcome import LEFT_OUT, Outcome
-from sci_lightning.studies.proving_ground.proportion import NORMAL, Proportion
-from sci_lightning.studies.proving_ground.reliability import Statement, reliability
+from sci_lightning.studies.proving_ground.reliability import NORMAL, Proportion, Statement, reliability
 from sci_lightning.virtual_camera import EFFECTS, OUTSIDE, VOCABULARY
 
 STAGES = ("modulator", "relay", "exposure", "optics", "sensor")

@@ -1,14 +1,47 @@
-"""Reliability: of names that were stated with a probability, how many are true."""
+"""Shares of cases with their confidence intervals, and reliability: how many of the names that were stated are true."""
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from statistics import mean
 
 from sci_lightning.files.diagnosis_report import NamedEffect
-from sci_lightning.studies.proving_ground.proportion import Proportion
+
+NORMAL = 1.959964
+"""Half the width of the interval that contains 95 % of a normal distribution, in standard deviations."""
+
+
+@dataclass(frozen=True)
+class Proportion:
+    """``count`` of ``total`` cases."""
+
+    count: int
+    total: int
+
+    @classmethod
+    def of(cls, answers: Iterable[bool]) -> Proportion:
+        """Count the answers that are true."""
+        listed = list(answers)
+        return cls(sum(listed), len(listed))
+
+    @property
+    def share(self) -> float:
+        """``count / total``, 0 to 1; NaN without cases."""
+        return self.count / self.total if self.total else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % confidence interval of the probability by Wilson's score (JASA 22, 1927); (0, 1) without cases."""
+        if not self.total:
+            return 0.0, 1.0
+        z, n = NORMAL, self.total
+        middle = (self.share + z**2 / (2 * n)) / (1 + z**2 / n)
+        half = z / (1 + z**2 / n) * math.sqrt(self.share * (1 - self.share) / n + z**2 / (4 * n**2))
+        return max(middle - half, 0.0), min(middle + half, 1.0)
+
 
 EDGES = (0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.95, 0.99, 0.999, 1.0)
 """Between which stated probabilities are counted together; what is less probable than its prior is not asked."""

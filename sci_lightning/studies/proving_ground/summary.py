@@ -10,8 +10,7 @@ from statistics import median
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.studies.engine import FailedCase
 from sci_lightning.studies.proving_ground.outcome import Outcome
-from sci_lightning.studies.proving_ground.proportion import NORMAL, Proportion
-from sci_lightning.studies.proving_ground.reliability import reliability
+from sci_lightning.studies.proving_ground.reliability import NORMAL, Proportion, reliability
 
 EXACT_SUITES = (
     ("single", "single effect, clear: its name and no other, explained", 0.98),

@@ -14,7 +14,7 @@ from skimage.io import imread
 from sci_lightning.studies.engine import FailedCase
 from sci_lightning.studies.proving_ground.outcome import Outcome
 from sci_lightning.studies.proving_ground.pictures import write_pictures
-from sci_lightning.studies.proving_ground.proportion import Proportion
+from sci_lightning.studies.proving_ground.reliability import Proportion
 from sci_lightning.studies.proving_ground.report import write_report
 from sci_lightning.studies.proving_ground.summary import SuiteScore, summarise
 from tests.files.formats import check
