@@ -43,8 +43,8 @@ class RelayGeometry:
     Attributes:
         angle: rotation, radian. scale: magnification, 1. dx, dy: displacement, pixel. sigma: standard deviation of the
             blur on the image, pixel. tilt_x, tilt_y: change of magnification from the centre to the right and to the
-            lower edge, 1. k: radial distortion in the corner, 1. spread: of the magnification, 1. fill: part of a mirror's
-            cell that reflects, 1. All are tensors of no dimension.
+            lower edge, 1. k: radial distortion in the corner, 1. spread: of the magnification, 1. fill: part of a
+            mirror's cell that reflects, 1. All are tensors of no dimension.
     """
 
     angle: torch.Tensor | None = None

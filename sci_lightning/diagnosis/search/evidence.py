@@ -157,7 +157,8 @@ def imperfections_in(fit: Fit) -> tuple[NamedEffect, ...]:
         if name in fit.maps:
             nats, error = fit.maps[name].evidence, fit.maps[name].std_error
         else:
-            without = fitter.model.predict(fit.hypothesis.with_effect(name, {parameter: about.neutral}))
+            nothing = about.low if about.neutral is None else about.neutral
+            without = fitter.model.predict(fit.hypothesis.with_effect(name, {parameter: nothing}))
             lost = (fitter.log_likelihood(fit.prediction) - fitter.log_likelihood(without)) * fitter.fitted
             error = errors.deviation((name, parameter)) * (float(size) if about.log else 1.0)
             nats = float(lost.sum(dtype=torch.float64))

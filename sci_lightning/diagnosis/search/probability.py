@@ -121,8 +121,8 @@ def nats_beyond_errors(fit: Fit, name: str, errors: ClusterErrors) -> float:
     """Return the nats by which the numbers of an effect are larger than their errors, their formula's among them.
 
     Pixels can say no more for it: where a likelihood ratio is larger, what gains is not the effect but what is fitted
-    beside it, such as the sizes of errors of the laboratory. Infinite for choices, maps, noise, and numbers that have no
-    neutral value or one that stands for infinity.
+    beside it, such as the sizes of errors of the laboratory. Infinite for choices, maps, noise, and numbers that have
+    no neutral value or one that stands for infinity.
     """
     effect, setting, error = fit.fitter.model.effects[name], fit.hypothesis.effects[name], formula_error(fit)
     numbers = [one for one, about in effect.about.items() if (name, one) in errors.names and error.of_nothing(about)]
