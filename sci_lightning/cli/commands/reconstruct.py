@@ -86,8 +86,8 @@ def reconstruct(composition: Composition) -> None:
         if not {"mask", "mask_bayer"} & array_names(cfg.measurement):
             raise BadInput(
                 f"no snapshot can be decoded without the mask that it was taken with: give mask=FILE ({MASK_FILES}), "
-                "encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt; docs/how-to/reconstruct.md, 'I have "
-                "a snapshot without a mask', says how to record one"
+                "encoder=FOUND/encoder.yaml or ckpt_path=RUN/checkpoints/last.ckpt; docs/how-to/reconstruct.md, 'I "
+                "have a snapshot without a mask', says how to record one"
             )
         cfg.mask = cfg.measurement
     decoder = checkpoint.decoder()
