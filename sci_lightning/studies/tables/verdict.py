@@ -39,7 +39,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 
 CONFIDENCE = 0.95
 """Confidence of all looks at a comparison together."""
@@ -136,4 +136,4 @@ def _half_width(parts: Sequence[tuple[float, int]], confidence: float) -> float:
     if not variance:
         return 0.0
     freedom = variance**2 / sum(part**2 / freedom for part, freedom in parts)
-    return float(stats.t.ppf((1 + confidence) / 2, freedom)) * math.sqrt(variance)
+    return float(stdtrit(freedom, (1 + confidence) / 2)) * math.sqrt(variance)
