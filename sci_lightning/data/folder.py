@@ -60,7 +60,7 @@ class Folder(StoredSource):
         self.photographs, self.photographs_share = photographs, photographs_share
 
     @property
-    def split(self) -> str:
+    def held_out_in_words(self) -> str:
         """Which clips are held out, in words; empty where ``val_root`` names them."""
         if self.val_root:
             return ""

@@ -56,9 +56,9 @@ def steps_between_validations(trainer: Mapping[str, Any], per_epoch: int) -> flo
     """
     interval = trainer.get("val_check_interval")
     if isinstance(interval, int):
-        return interval / trainer["accumulate_grad_batches"]
+        return max(1.0, interval / trainer.get("accumulate_grad_batches", 1))
     share = interval if isinstance(interval, float) else 1.0
-    return share * per_epoch * (trainer.get("check_val_every_n_epoch") or 1)
+    return max(1.0, share * per_epoch * (trainer.get("check_val_every_n_epoch") or 1))
 
 
 def counted_snapshots(scenes: Iterable[Scene], limit: float | None) -> int:

@@ -191,7 +191,7 @@ def training_plan(config: Mapping[str, Any]) -> TrainingPlan:
         most_seconds=most_seconds(trainer),
         busy=cost.busy,
         one_thread=cost.one_thread,
-        split=getattr(source, "split", ""),
+        split=getattr(source, "held_out_in_words", ""),
         validation_steps=steps_between_validations(trainer, per_epoch),
         **scoring,
     )
@@ -210,7 +210,7 @@ def _scoring_seconds(
             metric.to(device).update(frame, frame)
             seconds[name] = (now(device) - start) * math.prod(size) / frame.numel()
     every = config["system"].get("val_every_n_frames") or {}
-    compared = seconds["psnr"] + sum(value / every.get(name, 1) for name, value in seconds.items())
+    compared = seconds["psnr"] + sum(value / max(1, every.get(name, 1)) for name, value in seconds.items())
     decoded, frames = cost.of_snapshot(math.prod(size) / math.prod(config["crop"])), config["frames"]
     held_out = source.scenes()
     tested = build(config["benchmark"], "benchmark").scenes() if config["benchmark"]["root"] else held_out
