@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from annotated_types import DocInfo, Interval, Len
 
@@ -85,3 +85,8 @@ ExistingPath: TypeAlias = Annotated[
     Annotated[str, Len(1)] | Path, Exists(), DocInfo("the path of a file or a folder that exists")
 ]
 """A file or folder to read."""
+
+Pattern: TypeAlias = Literal["rggb", "grbg", "gbrg", "bggr"]
+"""Colours of a cell of 2 x 2 pixels of a Bayer sensor, row by row."""
+CHANNELS = ("red", "green", "blue")
+"""Of a video in colour."""

@@ -6,9 +6,8 @@ from collections.abc import Mapping
 
 import torch
 
+from sci_lightning.configuration.bounds import CHANNELS
 from sci_lightning.metrics.frame_metric import FrameMetric
-
-CHANNELS = ("red", "green", "blue")
 
 
 class ColourMetric(FrameMetric):

@@ -18,6 +18,7 @@ from sci_lightning.captures.light_scale import bright_end, doubtful_brightness, 
 from sci_lightning.captures.mask_check import mask_warning
 from sci_lightning.captures.mask_fit import mask_of_snapshots
 from sci_lightning.captures.snapshots import read_snapshot
+from sci_lightning.configuration.bounds import CHANNELS
 from sci_lightning.data.video_array import read_video_array
 from sci_lightning.decoder import Decoder
 from sci_lightning.decoder.complexity import count_parameters
@@ -36,7 +37,7 @@ from sci_lightning.files.packed_file import RawLayout
 from sci_lightning.files.tiff_file import BAYER
 from sci_lightning.measurement import Measurement, linear_with_mask
 from sci_lightning.metrics import PSNR, SSIM
-from sci_lightning.metrics.colour import CHANNELS, in_colour
+from sci_lightning.metrics.colour import in_colour
 from sci_lightning.pipeline import Pipeline
 from sci_lightning.runs.device import resolve_device
 from sci_lightning.runs.precision import describe_precision, mixed_precision, resolve_precision

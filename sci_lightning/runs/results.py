@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 from rich.table import Table
 
+from sci_lightning.configuration.bounds import CHANNELS
 from sci_lightning.console import PlainConsole
 from sci_lightning.files.json_file import JsonFile, says
-from sci_lightning.metrics.colour import CHANNELS
 from sci_lightning.runs.cluster_job import ClusterJob
 from sci_lightning.runs.provenance import Provenance
 

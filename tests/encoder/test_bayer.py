@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 import torch
 
+from sci_lightning.configuration.bounds import Pattern
 from sci_lightning.decoder.linear import Linear
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.effects.optics.optical_blur import OpticalBlur
 from sci_lightning.encoder.effects.optics.vignetting import Vignetting
 from sci_lightning.encoder.mask import RandomBinary
 from sci_lightning.encoder.sensor import Bayer, ClipQuantise
-from sci_lightning.encoder.sensor.bayer import Pattern, demosaiced, interleaved, mosaic, sub_lattices
+from sci_lightning.encoder.sensor.bayer import demosaiced, interleaved, mosaic, sub_lattices
 from sci_lightning.errors import BadInput
 from sci_lightning.pipeline import Pipeline
 

@@ -15,6 +15,7 @@ import torch
 from PIL import Image
 
 from sci_lightning.cli.notebook import load_decoder
+from sci_lightning.configuration.bounds import CHANNELS
 from sci_lightning.data import Folder, Synthetic
 from sci_lightning.encoder import Encoder
 from sci_lightning.encoder.mask import RandomBinary
@@ -22,7 +23,6 @@ from sci_lightning.encoder.sensor import Bayer
 from sci_lightning.encoder.sensor.bayer import demosaiced, mosaic
 from sci_lightning.figures.figure import reconstruction_figure
 from sci_lightning.metrics import psnr, ssim
-from sci_lightning.metrics.colour import CHANNELS
 from sci_lightning.pipeline import Pipeline
 from tests.measurements_file import MeasurementsFile
 

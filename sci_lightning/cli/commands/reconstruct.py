@@ -13,9 +13,8 @@ from rich.progress import Progress
 
 from sci_lightning.cli.composition import Composition, group_members, plain
 from sci_lightning.cli.settings import Aperture, CommandSettings, Kernels, Name, NamedOrPath, Offset, Precision
-from sci_lightning.configuration.bounds import ExistingPath, Frames, NonNegative, Positive, Seed, Size, Step
+from sci_lightning.configuration.bounds import ExistingPath, Frames, NonNegative, Pattern, Positive, Seed, Size, Step
 from sci_lightning.console import PlainConsole, styled, warn
-from sci_lightning.encoder.sensor.bayer import Pattern
 
 SETTINGS = (
     *("mask", "key", "mask_key", "mask_step", "mask_origin", "mask_slots", "mask_dark", "mask_white", "full_scale"),

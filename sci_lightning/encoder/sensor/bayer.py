@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Literal, TypeAlias, get_args
+from typing import get_args
 
 import numpy as np
 import torch
 
-from sci_lightning.configuration.bounds import NonNegative, Positive
+from sci_lightning.configuration.bounds import NonNegative, Pattern, Positive
 from sci_lightning.encoder.sensor.clip_quantise import ClipQuantise
 from sci_lightning.errors import BadInput
-
-Pattern: TypeAlias = Literal["rggb", "grbg", "gbrg", "bggr"]
-"""Colours of a cell of 2 x 2 pixels, row by row."""
 
 CELL = ((0, 0), (0, 1), (1, 0), (1, 1))
 """(row, column) of the pixels of a cell, in the order of :data:`Pattern`."""
