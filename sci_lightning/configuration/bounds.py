@@ -86,7 +86,7 @@ ExistingPath: TypeAlias = Annotated[
 ]
 """A file or folder to read."""
 
-Pattern: TypeAlias = Literal["rggb", "grbg", "gbrg", "bggr"]
+BayerPattern: TypeAlias = Literal["rggb", "grbg", "gbrg", "bggr"]
 """Colours of a cell of 2 x 2 pixels of a Bayer sensor, row by row."""
 CHANNELS = ("red", "green", "blue")
 """Of a video in colour."""

@@ -23,7 +23,8 @@ from sci_lightning.diagnosis.fit.budget import SECONDS_PER_PIXEL, Budget
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.gap import held_out_gap, verify
 from sci_lightning.diagnosis.fit.split import set_aside
-from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import datasheet_noise
 from sci_lightning.diagnosis.model.imperfections import imperfections_of
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest

@@ -12,7 +12,8 @@ from sci_lightning.diagnosis.fit.budget import Budget
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.gap import Gap, Verification
 from sci_lightning.diagnosis.fit.split import Split
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.search.evidence import ErrorCorrelation, NamedEffect

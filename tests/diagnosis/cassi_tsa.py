@@ -19,7 +19,8 @@ from sci_lightning.diagnosis.blind.blind_diagnosis import SEARCHED_SIDE_PX, Blin
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part
-from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import datasheet_noise
 from sci_lightning.diagnosis.report.report import write_report
 from sci_lightning.diagnosis.report.sentences import headline
 from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style

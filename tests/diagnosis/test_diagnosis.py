@@ -13,7 +13,7 @@ import torch
 
 from sci_lightning.captures import Captures, read_captures
 from sci_lightning.diagnosis.diagnosis import Diagnosis, diagnose
-from sci_lightning.diagnosis.model.camera_model import Hypothesis
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.report.corrected_camera import write_encoder
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.search.alternatives import Separation, further_captures

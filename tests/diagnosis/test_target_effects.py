@@ -13,7 +13,8 @@ from scipy.ndimage import gaussian_filter, rotate, shift
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.report.corrected_camera import write_encoder
 from sci_lightning.diagnosis.report.report import describe

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from itertools import product
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 import torch
 
-from sci_lightning.configuration.bounds import Pattern
+from sci_lightning.configuration.bounds import BayerPattern
 from sci_lightning.decoder.linear import Linear
 from sci_lightning.encoder import Encoder
+from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.effects.optics.optical_blur import OpticalBlur
 from sci_lightning.encoder.effects.optics.vignetting import Vignetting
 from sci_lightning.encoder.mask import RandomBinary
@@ -21,11 +23,11 @@ from sci_lightning.encoder.sensor.bayer import demosaiced, interleaved, mosaic, 
 from sci_lightning.errors import BadInput
 from sci_lightning.pipeline import Pipeline
 
-PATTERNS = get_args(Pattern)
+PATTERNS = get_args(BayerPattern)
 
 
-def camera(pattern: str = "rggb", size: tuple[int, int] = (12, 16), **more: object) -> Encoder:
-    return Encoder(RandomBinary(frames=4, size=size), Bayer(pattern), **more)  # type: ignore[arg-type]
+def camera(pattern: Any = "rggb", size: tuple[int, int] = (12, 16), effects: Sequence[Effect] = ()) -> Encoder:
+    return Encoder(RandomBinary(frames=4, size=size), Bayer(pattern), effects=effects)
 
 
 @pytest.mark.parametrize("pattern", PATTERNS)

@@ -59,7 +59,7 @@ def test_no_mask_is_invented(refused: Callable[..., str], camera: np.ndarray, tm
     for named in ([], ["encoder=lsw_sr", "seed=3"], ["decoder.camera=rbw_sr"]):
         line = refused("reconstruct", *QUICK, "measurement=snapshot.npy", "size=[64,64]", *named)
         assert "no snapshot can be decoded without" in line and "mask=FILE" in line and "ckpt_path=" in line
-        page, heading = re.search(r"(docs/\S+\.md), '(.+)', says", line).groups()  # type: ignore[union-attr]
+        ((page, heading),) = re.findall(r"(docs/\S+\.md), '(.+)', says", line)
         text = (ROOT / page).read_text()
         section = text[text.index(f"## {heading}\n") :].partition("\n")[2].partition("\n## ")[0]
         assert len(section.split()) <= 120

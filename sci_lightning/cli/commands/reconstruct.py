@@ -13,7 +13,16 @@ from rich.progress import Progress
 
 from sci_lightning.cli.composition import Composition, group_members, plain
 from sci_lightning.cli.settings import Aperture, CommandSettings, Kernels, Name, NamedOrPath, Offset, Precision
-from sci_lightning.configuration.bounds import ExistingPath, Frames, NonNegative, Pattern, Positive, Seed, Size, Step
+from sci_lightning.configuration.bounds import (
+    BayerPattern,
+    ExistingPath,
+    Frames,
+    NonNegative,
+    Positive,
+    Seed,
+    Size,
+    Step,
+)
 from sci_lightning.console import PlainConsole, styled, warn
 
 SETTINGS = (
@@ -35,7 +44,7 @@ class ReconstructSettings(CommandSettings):
     key: Name | None
     raw_format: Name | None
     raw_size: Size | None
-    bayer: Pattern | None
+    bayer: BayerPattern | None
     mask: NamedOrPath | None
     mask_key: Name | None
     mask_dark: NonNegative | None

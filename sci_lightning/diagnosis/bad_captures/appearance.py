@@ -14,7 +14,7 @@ import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import transferred
-from sci_lightning.diagnosis.model.camera_model import Hypothesis
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import MaskShift

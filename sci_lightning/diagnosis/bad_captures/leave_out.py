@@ -17,7 +17,8 @@ from sci_lightning.diagnosis.bad_captures.suspects import (
 )
 from sci_lightning.diagnosis.fit.budget import Budget
 from sci_lightning.diagnosis.fit.fit import Fit
-from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, CameraModel
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import NOISE_GUESS
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search.screening import screen
 from sci_lightning.diagnosis.search.search import Explanation, explain, ideal_camera

@@ -35,7 +35,8 @@ from sci_lightning.diagnosis.blind.snapshots import (
     useless_snapshots,
 )
 from sci_lightning.diagnosis.blind.undetermined import SHOWN_IF_STRONG, determined_effects, undetermined_effects
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting, datasheet_noise
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.result import Result
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect

@@ -14,7 +14,7 @@ from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.fit.information_criterion import bic_penalty
 from sci_lightning.diagnosis.fit.levenberg_marquardt import MIN_PROGRESS_NATS, maximise
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
-from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS, Hypothesis, ParameterName
+from sci_lightning.diagnosis.model.hypothesis import NOISE_GUESS, Hypothesis, ParameterName
 
 DIFFERENCE_STEP = 0.5
 """Part of a parameter's step over which the likelihood is differentiated."""

@@ -16,7 +16,7 @@ from sci_lightning.diagnosis.blind.held_out_pixels import (
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, SeenBlocks
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK, LEAST_SHARE
-from sci_lightning.diagnosis.model.camera_model import Hypothesis
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 
 HIDDEN_VARIANCE = 1e6
 """Variance of a pixel that is held out, as if noise had drowned it; relative light is about 1."""

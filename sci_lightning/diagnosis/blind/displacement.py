@@ -18,7 +18,7 @@ import torch
 from torch.nn import functional as F
 
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
-from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting
 from sci_lightning.diagnosis.search.displacement import displacing_effects, on_all_sides, starts_at
 
 NEIGHBOURHOOD_PX = 9

@@ -9,22 +9,19 @@ from dataclasses import dataclass
 
 import torch
 
+from sci_lightning.diagnosis.blind.block_optics import REACH, optics_of_blocks
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior
 from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, effect_key
+from sci_lightning.diagnosis.model.camera_model import CameraModel, effect_key
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.model.recent import Recent
 from sci_lightning.encoder.border import Border
-from sci_lightning.encoder.effects import Effect, OpticsEffect
+from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.relay import RelayGeometry
-from sci_lightning.encoder.signal import Signal
 
-REACH = 2
-"""Pixels around a block from which the optics bring light into it; what comes from further away counts as even."""
-WINDOW = 33
-"""Side in pixels of the image on which the optics are probed."""
 CENTRE = 0.125
 """Part of the field, on every side, that does not count for the mean brightness of a snapshot."""
 LEAST_LIGHT = 1e-4
@@ -36,8 +33,6 @@ VALUES_AT_A_TIME = 2**26
 1024 x 1024 pixels."""
 BRIGHTNESS = 1e4
 """Variance of the relative brightness of a block: so large that nothing is assumed about it."""
-LEAST_SPREAD = 1e-5
-"""Part of a pixel's light below which it counts as staying there."""
 LEAST_SHARE = 1e-2
 """A component matters in a block if it explains this part of it, in one of the snapshots at least."""
 DARKEST_PART = 1e-3
@@ -257,7 +252,7 @@ class BlindLikelihood:
         light_of_level, log_slope_of_level = response.light(self._levels)
         light, log_slope = light_of_level[self._level[numbers]], log_slope_of_level[self._level[numbers]]
         brightness = (self._shares_of_levels @ light_of_level).clamp(min=LEAST_LIGHT)
-        operator, everywhere = self._optics(path)
+        operator, everywhere = optics_of_blocks(path, observation)
         unit = (brightness + response.without_light).clamp(min=LEAST_LIGHT)
         measured = (light - everywhere * brightness[:, None]) / unit[:, None]
         log_density = -log_slope.sum(2) - BLOCK**2 * unit.log()
@@ -302,7 +297,7 @@ class BlindLikelihood:
         response = SensorResponse.of(path, self.model.observation.full_scale)
         light_of_level, _ = response.light(self._levels)
         brightness = (self._shares_of_levels @ light_of_level).clamp(min=LEAST_LIGHT)
-        everywhere = self._optics(path)[1] * brightness
+        everywhere = optics_of_blocks(path, self.model.observation)[1] * brightness
         darkest, _ = response.light(self._darkest)
         return float(((everywhere - darkest) / response.noise(everywhere).sqrt()).max())
 
@@ -351,34 +346,6 @@ class BlindLikelihood:
         field = chosen.repeat_interleave(BLOCK, -2).repeat_interleave(BLOCK, -1)
         field = torch.nn.functional.pad(field, (left, right, top, below))
         return torch.nn.functional.max_pool2d(field, 2 * reach + 1, stride=1, padding=reach)[0, 0].bool()
-
-    def _optics(self, path: LightPath) -> tuple[torch.Tensor | None, float]:
-        """Return how much of the light of every pixel around a block falls on every pixel of it, ``(n, m)``.
-
-        It is None where the light of every pixel stays there. The other figure is the part of the light that is spread
-        over the whole field, which the matrix leaves out.
-        """
-        effects = path.of(OpticsEffect)
-        if not effects:
-            return None, 0.0
-        side, observation = BLOCK + 2 * REACH, self.model.observation
-        inner = (WINDOW - side) // 2
-        impulses = torch.zeros(side * side, WINDOW, WINDOW)
-        places = torch.arange(side * side)
-        impulses[places, inner + places // side, inner + places % side] = 1
-        size = observation.size
-        origin = (size[0] - WINDOW) // 2, (size[1] - WINDOW) // 2
-        signal = Signal(impulses, torch.zeros(()), torch.ones(1, 1, 1), 1 / observation.full_scale, origin, size)
-        for effect in effects:
-            signal = effect.form(signal)
-        first = inner + REACH
-        formed = signal.mean[:, first : first + BLOCK, first : first + BLOCK]
-        faintest = float(signal.mean[side * side // 2].min())  # far from the impulse: what is there is everywhere
-        everywhere = faintest * WINDOW**2
-        operator = (formed.flatten(1).mT.double() - faintest) / (1 - everywhere)
-        own = impulses[:, first : first + BLOCK, first : first + BLOCK].flatten(1).mT
-        stays = bool((operator - own).abs().max() < LEAST_SPREAD)
-        return None if stays else operator, everywhere
 
 
 def _turns(effect: Effect) -> bool:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import torch
 
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
-from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting
 from sci_lightning.diagnosis.model.starting_points import starting_settings
 from sci_lightning.diagnosis.search.displacement import displacing_effects, starts_at
 from sci_lightning.encoder.effects.parameter import part_of

@@ -12,7 +12,7 @@ from sci_lightning.diagnosis.blind.blind_fit import BlindFit, BlindFitter
 from sci_lightning.diagnosis.blind.displacement import proposed_displacements
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood, spread
 from sci_lightning.diagnosis.blind.parallel_map import on_every_core
-from sci_lightning.diagnosis.model.camera_model import Setting
+from sci_lightning.diagnosis.model.hypothesis import Setting
 from sci_lightning.diagnosis.model.starting_points import starting_settings
 from sci_lightning.encoder.effects.parameter import part_of
 

@@ -26,7 +26,7 @@ from sci_lightning.diagnosis.blind.prior import BLOCK
 from sci_lightning.diagnosis.blind.same_patterns import SamePatterns
 from sci_lightning.diagnosis.blind.screening import FINAL_ITERATIONS, STARTS_FITTED, ScreenedCandidate, Screener
 from sci_lightning.diagnosis.blind.undetermined import determined_effects
-from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting
 from sci_lightning.diagnosis.search_settings import SearchSettings
 
 OnProgress = Callable[[str], None]

@@ -73,6 +73,7 @@ def determined_effects(model: CameraModel) -> dict[str, type[Effect]]:
     return {
         name: effect
         for name, effect in model.vocabulary.items()
-        if not (effect.noise or effect.map_kind or issubclass(effect, SceneEffect) or name in undetermined)
+        if not (effect.noise or effect.map_kind or effect.imperfection or issubclass(effect, SceneEffect))
+        and name not in undetermined
         and not (issubclass(effect, SensorEffect) and effect.is_discrete())
     }

@@ -12,7 +12,8 @@ from sci_lightning.diagnosis.blind.held_out_pixels import PairedComparison, comp
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import MOST_SLOTS, ScenePrior, statistics_for
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots, textured_part
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.target_effects import SceneEffect
 from sci_lightning.encoder.effects import MaskContrast
 from sci_lightning.errors import BadInput

@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit
-from sci_lightning.diagnosis.model.camera_model import ParameterName
 from sci_lightning.diagnosis.model.capture_map import CaptureMap
 from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
+from sci_lightning.diagnosis.model.hypothesis import ParameterName
 from sci_lightning.diagnosis.model.map_system import DENSE
 
 LIGHT_LEVELS = 12

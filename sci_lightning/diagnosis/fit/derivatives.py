@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import torch
 
 from sci_lightning.diagnosis.fit.parameters import FINE_DIFFERENCE_STEPS, FreeParameters
-from sci_lightning.diagnosis.model.camera_model import Evaluated, Hypothesis
+from sci_lightning.diagnosis.model.camera_model import Evaluated
 from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.model.likelihood import ClippedSignal, Prediction
 from sci_lightning.diagnosis.model.map_system import MapSystem
 

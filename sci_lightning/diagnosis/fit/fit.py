@@ -18,12 +18,13 @@ from sci_lightning.diagnosis.fit.derivatives import Derivatives, differentiate
 from sci_lightning.diagnosis.fit.levenberg_marquardt import MIN_PROGRESS_NATS, maximise
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.fit.split import Split
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated, Hypothesis, ParameterName
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated
 from sci_lightning.diagnosis.model.fixed_pattern_map import (
     FixedPatternMap,
     with_map_uncertainty,
     with_means_given_away,
 )
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, ParameterName
 from sci_lightning.diagnosis.model.likelihood import Intervals, PixelLikelihood, Prediction, log_likelihood
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.model.smooth_map import estimate_map

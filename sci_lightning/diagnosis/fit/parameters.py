@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import torch
 
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, ParameterName
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, ParameterName
 from sci_lightning.diagnosis.model.likelihood import Prediction
 
 DIFFERENCE_STEPS = 0.1

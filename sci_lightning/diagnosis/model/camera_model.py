@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import torch
 
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting
 from sci_lightning.diagnosis.model.imperfections import ErrorOfLight
 from sci_lightning.diagnosis.model.likelihood import MIN_DEVIATION_DN, ClippedSignal, PixelLikelihood, Prediction
 from sci_lightning.diagnosis.model.observation import Observation
@@ -17,21 +18,11 @@ from sci_lightning.diagnosis.target_effects import SceneDetail, SceneEffect, cha
 from sci_lightning.encoder import free_form
 from sci_lightning.encoder.border import Border
 from sci_lightning.encoder.effects import Effect, MapEffect, OpticsEffect, SensorEffect
-from sci_lightning.encoder.effects.parameter import Value
 from sci_lightning.encoder.effects.stage import ExposureEffect, ModulatorEffect, RelayEffect
 from sci_lightning.encoder.free_form import FreeForm
 from sci_lightning.encoder.light_path import LightPath
 from sci_lightning.encoder.signal import Signal
 from sci_lightning.operator import SnapshotOperator
-
-Setting = dict[str, Value]
-"""Values of an effect's parameters by name."""
-
-ParameterName = tuple[str, str]
-"""An effect's name and the name of one of its parameters."""
-
-NOISE_GUESS = {"shot_noise": ("full_well", 1e4), "read_noise": ("std", 1.0)}
-"""Noise effects of every camera, their parameter, and where a fit of it starts if the datasheet is silent."""
 
 REMEMBERED_MODULES = 1000
 """Effects with their parameters that are kept as modules: a search tries the same ones again and again."""
@@ -39,29 +30,6 @@ REMEMBERED_LIGHT_FIELDS = 3
 """Light fields that are kept: most parameters belong to the sensor, so that a fit needs few at a time."""
 MAP_STEP = 1e-3
 """Change of a map's values over which the derivative of the mean is taken."""
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """Which effects the camera has, and how strong they are.
-
-    Attributes:
-        effects: values by parameter, by effect.
-        maps: ``(H, W)``, ``(1, W)`` or ``(H, 1)`` fixed-pattern maps by effect, in the effect's own unit.
-    """
-
-    effects: dict[str, Setting]
-    maps: dict[str, torch.Tensor] = field(default_factory=dict)
-
-    def with_effect(self, name: str, setting: Setting, values: torch.Tensor | None = None) -> Hypothesis:
-        """Return the hypothesis with an effect added or changed; its map stays unless ``values`` are given."""
-        maps = self.maps if values is None else {**self.maps, name: values}
-        return Hypothesis({**self.effects, name: dict(setting)}, maps)
-
-    def without(self, name: str) -> Hypothesis:
-        """Return the hypothesis without an effect."""
-        effects = {other: setting for other, setting in self.effects.items() if other != name}
-        return Hypothesis(effects, {other: values for other, values in self.maps.items() if other != name})
 
 
 @dataclass(frozen=True)
@@ -80,18 +48,6 @@ class Evaluated:
     prediction: Prediction
     likelihood: PixelLikelihood
     objective: float | None = None
-
-
-def datasheet_noise(observation: Observation) -> tuple[Hypothesis, tuple[ParameterName, ...]]:
-    """Return the ideal camera with the datasheet's noise, and the parameters that the datasheet states.
-
-    Where the datasheet is silent, the parameter has the value from which a fit should start.
-    """
-    stated = {"shot_noise": observation.full_well, "read_noise": observation.read_noise}
-    effects: dict[str, Setting] = {name: {parameter: guess} for name, (parameter, guess) in NOISE_GUESS.items()}
-    fixed = tuple((name, parameter) for name, (parameter, _) in NOISE_GUESS.items() if stated[name] is not None)
-    effects |= {name: {parameter: stated[name] or 0.0} for name, parameter in fixed}
-    return Hypothesis(effects), fixed
 
 
 class CameraModel:

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field, replace
 
 import torch
 
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated, Setting
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated
 from sci_lightning.diagnosis.model.fixed_pattern_map import FixedPatternMap, likeliest_prior, penalty_of
+from sci_lightning.diagnosis.model.hypothesis import Setting
 from sci_lightning.diagnosis.model.imperfections import RelativeError
 from sci_lightning.diagnosis.model.smooth_basis import MAX_DEGREE, orthonormal, prior
 

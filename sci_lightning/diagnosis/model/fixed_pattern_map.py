@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 
 import torch
 
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated, Hypothesis, Setting
+from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting
 from sci_lightning.diagnosis.model.likelihood import Prediction
 from sci_lightning.diagnosis.model.smooth_basis import SmoothBasis
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import torch
 
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting, behind
+from sci_lightning.diagnosis.model.camera_model import CameraModel, behind
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting
 from sci_lightning.encoder.effects import Effect, SensorEffect
 from sci_lightning.encoder.effects.stage import ModulatorEffect
 from sci_lightning.encoder.light_path import LightPath

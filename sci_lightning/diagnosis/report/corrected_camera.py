@@ -11,7 +11,7 @@ import yaml
 from scipy.io import savemat
 
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
-from sci_lightning.diagnosis.model.camera_model import NOISE_GUESS
+from sci_lightning.diagnosis.model.hypothesis import NOISE_GUESS
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.result import Result
 from sci_lightning.diagnosis.target_effects import SceneEffect

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.blind.block_prediction import PredictionVerdict
 from sci_lightning.diagnosis.fit.gap import Misfit
-from sci_lightning.diagnosis.model.camera_model import datasheet_noise
+from sci_lightning.diagnosis.model.hypothesis import datasheet_noise
 from sci_lightning.diagnosis.report import pictures
 from sci_lightning.diagnosis.report.sentences import (
     chi2,

@@ -12,7 +12,7 @@ import torch
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.information_criterion import with_common_pixels
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
-from sci_lightning.diagnosis.model.camera_model import Hypothesis
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search.screening import rivals
 

@@ -13,7 +13,7 @@ from functools import cached_property
 
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import ABANDON_NATS, bic_gain, bic_penalty
-from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting
 from sci_lightning.diagnosis.search.probability import evidence_for
 from sci_lightning.diagnosis.search.screening import Candidate, screen
 from sci_lightning.encoder.effects.parameter import part_of

@@ -13,7 +13,8 @@ import torch
 
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.information_criterion import ABANDON_NATS
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting
 from sci_lightning.encoder.effects.parameter import within
 from sci_lightning.encoder.effects.stage import RelayEffect
 

@@ -150,7 +150,7 @@ def imperfections_in(fit: Fit) -> tuple[NamedEffect, ...]:
     fitter, errors, certain = fit.fitter, cluster_errors(fit), list[NamedEffect]()
     for name, setting in fit.hypothesis.effects.items():
         effect = fitter.model.effects[name]
-        if not effect.imperfection or name in fitter.model.free_forms:
+        if not effect.imperfection:
             continue
         ((parameter, size),) = setting.items()
         about = effect.about[parameter]

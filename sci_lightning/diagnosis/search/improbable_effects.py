@@ -14,7 +14,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.information_criterion import prune
-from sci_lightning.diagnosis.model.camera_model import Hypothesis
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.search.probability import MIN_PROBABILITY, evidence_for
 from sci_lightning.diagnosis.search.remaining_misfit import Unnamed, quantified
 

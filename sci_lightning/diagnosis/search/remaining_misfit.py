@@ -20,7 +20,7 @@ from sci_lightning.diagnosis.fit.information_criterion import bic_penalty, prune
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.fit.split import NO_BORDER
-from sci_lightning.diagnosis.model.camera_model import Hypothesis, Setting
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting
 from sci_lightning.diagnosis.model.smooth_map import estimate_map
 from sci_lightning.diagnosis.search.map_test import map_p_value
 from sci_lightning.diagnosis.search.probability import evidence_for, probability_of

@@ -11,7 +11,8 @@ import torch
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import ABANDON_NATS
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, Setting
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting
 from sci_lightning.diagnosis.model.likelihood import Prediction
 from sci_lightning.diagnosis.model.smooth_map import estimate_map
 from sci_lightning.diagnosis.model.starting_points import starting_settings, with_effect_at

@@ -12,7 +12,8 @@ from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.gap import residuals
 from sci_lightning.diagnosis.fit.information_criterion import bic, prune
 from sci_lightning.diagnosis.fit.split import split
-from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import datasheet_noise
 from sci_lightning.diagnosis.search.improbable_effects import (
     fit_names_only,
     names_are_certain,

@@ -12,7 +12,7 @@ from sci_lightning.diagnosis.fit.budget import EXCHANGE_SHARE
 from sci_lightning.diagnosis.fit.cluster_errors import LIGHT_LEVELS, cluster_errors, levels_of_light
 from sci_lightning.diagnosis.fit.fit import MIN_LABORATORY_NATS, Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, prune
-from sci_lightning.diagnosis.model.camera_model import Hypothesis, ParameterName, datasheet_noise
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, ParameterName, datasheet_noise
 from sci_lightning.diagnosis.search.candidate_comparison import CandidateComparison, compare_candidates
 from sci_lightning.diagnosis.search.displacement import far_displacements
 from sci_lightning.diagnosis.search.formula_error import formula_error

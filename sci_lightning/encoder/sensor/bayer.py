@@ -8,12 +8,12 @@ from typing import get_args
 import numpy as np
 import torch
 
-from sci_lightning.configuration.bounds import NonNegative, Pattern, Positive
+from sci_lightning.configuration.bounds import BayerPattern, NonNegative, Positive
 from sci_lightning.encoder.sensor.clip_quantise import ClipQuantise
 from sci_lightning.errors import BadInput
 
 CELL = ((0, 0), (0, 1), (1, 0), (1, 1))
-"""(row, column) of the pixels of a cell, in the order of :data:`Pattern`."""
+"""(row, column) of the pixels of a cell, in the order of :data:`BayerPattern`."""
 
 
 class Bayer(ClipQuantise):
@@ -31,7 +31,7 @@ class Bayer(ClipQuantise):
 
     def __init__(
         self,
-        pattern: Pattern = "rggb",
+        pattern: BayerPattern = "rggb",
         bit_depth: int = 8,
         full_well: Positive | None = None,
         read_noise: NonNegative = 0.0,
@@ -46,8 +46,8 @@ def check_bayer(pattern: str, size: Sequence[int]) -> None:
     Raises:
         BadInput: what is wrong with which of them.
     """
-    if pattern not in get_args(Pattern):
-        raise BadInput(f"bayer={pattern}: the colours of 2 x 2 pixels are one of {', '.join(get_args(Pattern))}")
+    if pattern not in get_args(BayerPattern):
+        raise BadInput(f"bayer={pattern}: the colours of 2 x 2 pixels are one of {', '.join(get_args(BayerPattern))}")
     if size[0] % 2 or size[1] % 2:
         raise BadInput(f"bayer={pattern}: {size[0]} x {size[1]} pixels (H x W) are no whole cells of 2 x 2: both even")
 

@@ -17,7 +17,8 @@ from sci_lightning.data.reader import find_clips
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import BLOCK, ScenePrior
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
-from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import datasheet_noise
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.prior.prior import smooth_scene_prior
 from tests.diagnosis.blind.validation import record

@@ -8,7 +8,8 @@ from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.blind.likelihood import BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import ScenePrior
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis, datasheet_noise
 from sci_lightning.diagnosis.vocabulary import vocabulary
 
 SIZE, FRAMES, COUNT = 32, 3, 4

@@ -16,7 +16,8 @@ from sci_lightning.diagnosis.blind.likelihood import BRIGHTNESS, BlindLikelihood
 from sci_lightning.diagnosis.blind.prior import CONTRASTS, ScenePrior
 from sci_lightning.diagnosis.blind.sensor_response import SensorResponse
 from sci_lightning.diagnosis.blind.snapshots import observe_snapshots
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Setting, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Setting, datasheet_noise
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import BlackLevel, ReadNoise, ResponseGamma
 from sci_lightning.encoder.light_path import LightPath

@@ -18,7 +18,7 @@ from sci_lightning.diagnosis.blind.candidate_comparison import (
 )
 from sci_lightning.diagnosis.blind.screening import ScreenedCandidate, _gain
 from sci_lightning.diagnosis.blind.search import BlindSearch
-from sci_lightning.diagnosis.model.camera_model import Hypothesis
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from tests.diagnosis.blind.smooth_scenes import likelihood_of, snapshots
 

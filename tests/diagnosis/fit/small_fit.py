@@ -8,7 +8,8 @@ import sci_lightning.encoder.effects as effects
 from sci_lightning.captures import read_captures
 from sci_lightning.diagnosis.fit.fit import Fitter
 from sci_lightning.diagnosis.fit.split import split
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.virtual_camera import Session, VirtualCamera
 

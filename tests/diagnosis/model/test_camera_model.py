@@ -6,7 +6,8 @@ import pytest
 import torch
 
 from sci_lightning.captures import read_captures
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Hypothesis
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.model.starting_points import starting_settings, with_effect_at
 from sci_lightning.diagnosis.vocabulary import vocabulary

@@ -10,8 +10,9 @@ import torch
 
 from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.diagnosis import diagnose
-from sci_lightning.diagnosis.model.camera_model import CameraModel, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel
 from sci_lightning.diagnosis.model.capture_map import CaptureMap
+from sci_lightning.diagnosis.model.hypothesis import datasheet_noise
 from sci_lightning.diagnosis.model.imperfections import imperfections_of
 from sci_lightning.diagnosis.model.map_system import MapSystem
 from sci_lightning.diagnosis.model.observation import observe

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from sci_lightning.diagnosis.model.camera_model import datasheet_noise
+from sci_lightning.diagnosis.model.hypothesis import datasheet_noise
 from sci_lightning.diagnosis.residual_tests import Residuals
 from tests.diagnosis.fit.small_fit import NOISE, fitter
 

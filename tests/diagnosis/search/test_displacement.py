@@ -11,7 +11,8 @@ from sci_lightning.captures import Captures
 from sci_lightning.diagnosis.diagnosis import diagnose
 from sci_lightning.diagnosis.fit.fit import Fitter
 from sci_lightning.diagnosis.fit.split import split
-from sci_lightning.diagnosis.model.camera_model import CameraModel, Setting, datasheet_noise
+from sci_lightning.diagnosis.model.camera_model import CameraModel
+from sci_lightning.diagnosis.model.hypothesis import Setting, datasheet_noise
 from sci_lightning.diagnosis.model.observation import observe
 from sci_lightning.diagnosis.report.report import describe
 from sci_lightning.diagnosis.search.displacement import far_displacements

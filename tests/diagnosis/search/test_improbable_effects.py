@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
 from sci_lightning.diagnosis.diagnosis import diagnose
+from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
 from sci_lightning.diagnosis.search.improbable_effects import name_probabilities, without_improbable_effects
-from sci_lightning.diagnosis.search.probability import evidence_for, nats_from_nothing
+from sci_lightning.diagnosis.search.probability import evidence_for, nats_beyond_errors, nats_from_nothing
 from sci_lightning.diagnosis.search.search import complete, misfit_outside, with_all_predictable
 from sci_lightning.encoder.border import Border
 from sci_lightning.virtual_camera import Session, VirtualCamera
@@ -38,6 +40,20 @@ def test_levels_of_light_and_captures_agree_about_a_right_name(
     assert (name in remaining.hypothesis.effects) == stays and unnamed == []
     assert list(withdrawn) == ([] if stays else [name]) and all(one < 0.5 for one in withdrawn.values())
     assert [message.partition(":")[0] for message in messages] == ([] if stays else [f"{name} is set aside"])
+
+
+def test_an_effect_has_no_more_evidence_than_its_errors_allow(tmp_path: Path) -> None:
+    """However much is gained: with an error as large as itself, something beside it gains that."""
+    fit = fitter(tmp_path, {"gain": {"factor": 0.95}}).fit(NOISE.with_effect("gain", {"factor": 0.96}))
+    errors = cluster_errors(fit)
+    place = errors.names.index(("gain", "factor"))
+    model = errors.model.clone()
+    model[place, place] = (0.05 / 1.5) ** 2 / errors.dispersions[place]
+    vague = replace(errors, model=model)
+    assert nats_beyond_errors(fit, "gain", vague) == pytest.approx(1.5**2 / 2, rel=0.1)
+    assert evidence_for(fit, "gain", errors).probability > 0.99
+    evidence = evidence_for(fit, "gain", vague)
+    assert evidence.nats > 100 and evidence.probability < 0.5
 
 
 @pytest.mark.parametrize("std", [0.003, 0.02])
