@@ -103,12 +103,7 @@ def diagnose(
         unseen, bad = None if odd.all() else unseen.take(~odd), (*bad, *worse)
     before, after = (assess(fit, seed) for fit in (ideal, explanation.corrected(free_forms)))
     corrected = after.fit
-    names = sorted(explanation.names, key=lambda name: model.vocabulary[name].rank)
-    without_noise = [name for name in names if not model.vocabulary[name].noise]
-    if remaining := remaining_tests(before, after, without_noise):
-        names = without_noise  # more noise than stated makes room for what is left, and is no finding of its own
-    else:
-        remaining = remaining_tests(before, after, names)
+    names = sorted((*explanation.names, *explanation.noise), key=lambda name: model.vocabulary[name].rank)
     return Diagnosis(
         observation=observation,
         model=model,
@@ -117,7 +112,7 @@ def diagnose(
         seed=seed,
         before=before,
         after=after,
-        effects=named_effects(explanation.fit, names),
+        effects=named_effects(explanation.fit, names, explanation.noise),
         unnamed=explanation.unnamed,
         rounds=explanation.rounds,
         considered={
@@ -125,7 +120,7 @@ def diagnose(
         },
         stated_noise=tuple(effect for effect, _ in datasheet_noise(observation)[1]),
         correlation=error_correlation(corrected),
-        remaining=remaining,
+        remaining=remaining_tests(before, after),
         verification=None if unseen is None else verify(before.fit, after.fit, unseen, seed),
         bad_captures=bad,
         budget=time,
@@ -148,22 +143,19 @@ def assess(fit: Fit, seed: int) -> Assessment:
     return Assessment(fit, held_out_gap(fit, seed), residuals, tuple(residual_tests(residuals)))
 
 
-def remaining_tests(before: Assessment, after: Assessment, names: list[str]) -> tuple[ResidualTest, ...]:
+def remaining_tests(before: Assessment, after: Assessment) -> tuple[ResidualTest, ...]:
     """Return the residual tests that find more than noise in what the corrected camera leaves.
 
     The formulas of strong effects are a little inexact, and the errors of a laboratory are described coarsely. A test
     about mean or variance therefore has to find more than a part of the log-likelihood that the corrected camera gains,
-    and more than the errors of the laboratory gain. If no noise was named, the p-value has to be below
-    ``MAX_RESIDUAL_P_VALUE``. If some was, ``significance`` is enough: noise explains variance only, so that it stands
-    in for something else as long as the residuals are not random.
+    and more than the errors of the laboratory gain, and the p-value has to be below ``MAX_RESIDUAL_P_VALUE``.
     """
     inexact = FORMULA_NATS_SHARE * after.fit.explained_nats(before.fit)
     inexact += sum(max(one.evidence, 0.0) for one in after.fit.maps.values() if one.of_captures)
-    noise = any(after.fit.fitter.model.effects[name].noise for name in names)
     return tuple(
         test
         for test in after.tests
         if test.significant
-        and (noise or test.corrected < MAX_RESIDUAL_P_VALUE)
+        and test.corrected < MAX_RESIDUAL_P_VALUE
         and (test.about in ("map", "converter") or test.nats > inexact)
     )

@@ -36,16 +36,15 @@ class CandidateComparison:
         screener: leaves out what depends on the unknown surround for any candidate at its starts.
         best: the model without the candidates; its fitter leaves out what depends on the surround for any of the fits
             that gain much.
-        fits: the model with each candidate that was fitted, by name, on the same pixels.
+        fits: the model with each candidate that was fitted, by name, on the same pixels; what cannot catch up with
+            another one is abandoned.
         screened: all candidates, the most promising first.
-        tried: names of those whose fits were begun; what cannot catch up with another one is abandoned.
     """
 
     screener: Fitter
     best: Fit
     fits: Mapping[str, Fit]
     screened: tuple[Candidate, ...]
-    tried: Collection[str]
 
     def gains(self) -> dict[str, tuple[float, float]]:
         """Return the nats that each fit gained, by name: on all pixels, and on held-out ones."""
@@ -79,8 +78,8 @@ class CandidateComparison:
     def with_others(self, refused: Collection[str]) -> CandidateComparison:
         """Return a comparison of the most promising ones among the candidates that have not been refused."""
         others = [candidate for candidate in self.screened if candidate.name not in refused]
-        fits, tried = fit_candidates(self.best, others)
-        return CandidateComparison(self.screener, *_with_common_border(self.best, fits), self.screened, tried)
+        fits = fit_candidates(self.best, others)
+        return CandidateComparison(self.screener, *_with_common_border(self.best, fits), self.screened)
 
     def gain_of(self, name: str | None) -> float:
         """Return the gain of a candidate by the information criterion, in nats; 0 of None."""
@@ -115,8 +114,8 @@ def compare_candidates(
     """
     base = covering_starts(best.fitter, best.hypothesis, further, part).repeated(best)
     screened = screen(base, further, part)
-    fits, tried = fit_candidates(base, screened)
-    return CandidateComparison(base.fitter, *_with_common_border(base, fits), tuple(screened), tried)
+    fits = fit_candidates(base, screened)
+    return CandidateComparison(base.fitter, *_with_common_border(base, fits), tuple(screened))
 
 
 def covering_starts(
@@ -142,32 +141,32 @@ def covering_starts(
     )
 
 
-def fit_candidates(best: Fit, screened: list[Candidate]) -> tuple[dict[str, Fit], set[str]]:
-    """Fit the most promising candidates jointly with everything in the model; return the fits, and what was tried.
+def fit_candidates(best: Fit, screened: list[Candidate]) -> dict[str, Fit]:
+    """Fit the most promising candidates jointly with everything in the model, by name.
 
     A candidate whose screened gain is a small part of what it must gain is left out, and so is one whose fit cannot
-    reach what another one has reached. Effects that are chosen from a few values, such as turned patterns, are fitted
-    wherever they stand: nothing leads to them step by step, and blurs and displacements may promise more as long as the
-    noise stands in for them all.
+    reach what another one has reached that is worth its parameters. Effects that are chosen from a few values, such as
+    turned patterns, are fitted wherever they stand: nothing leads to them step by step, and blurs and displacements may
+    promise more as long as the noise stands in for them all.
 
     Args:
         best: the model without them.
         screened: candidates, the most promising first.
     """
     fitter = best.fitter
-    settings, fits, tried, reached = fitter.settings, dict[str, Fit](), set[str](), -math.inf
+    settings, fits, reached = fitter.settings, dict[str, Fit](), -math.inf
     first, others = screened[: settings.candidates_fitted], screened[settings.candidates_fitted :]
     for candidate in (*first, *(one for one in others if fitter.model.effects[one.name].is_discrete())):
         price = settings.min_gain_nats + bic_penalty(len(candidate.start), fitter.pixels)
         promising = candidate.gain > max(settings.min_gain_nats, SCREENED_SHARE * price)
         if promising and (not fits or fitter.budget.allows(candidate.name)):
-            tried.add(candidate.name)
             start = candidate.added(fitter.model, best.hypothesis)
             fit = fitter.fit(start, 20, to_reach=reached - ABANDON_NATS, from_afar=True)
             if not fit.abandoned:
                 fits[candidate.name] = fit
-                reached = max(reached, fit.fitted_log_likelihood)
-    return fits, tried
+                if bic_gain(best, fit) > 0:
+                    reached = max(reached, fit.fitted_log_likelihood)
+    return fits
 
 
 def _with_common_border(base: Fit, fits: dict[str, Fit]) -> tuple[Fit, dict[str, Fit]]:

@@ -58,8 +58,8 @@ class NamedEffect:
         delta_bic: the difference of the Bayesian information criterion; None for noise.
         alternatives: names of the effects that explain the captures as well in its place.
         tell_apart: which captures would tell them apart, in full sentences; empty without alternatives.
-        probability: that it is there, or one of its alternatives in its place; None for noise, which always is, and
-            where it was not computed.
+        probability: that it is there, or one of its alternatives in its place; of noise, that it differs from the
+            datasheet's. None where it was not computed.
         shares: of that probability, of the effect itself and of its alternatives, by name.
     """
 
@@ -104,12 +104,13 @@ class ErrorCorrelation:
     matrix: torch.Tensor
 
 
-def named_effects(fit: Fit, names: Sequence[str]) -> tuple[NamedEffect, ...]:
+def named_effects(fit: Fit, names: Sequence[str], noise: Mapping[str, float]) -> tuple[NamedEffect, ...]:
     """Quantify every named effect: estimates with errors, and for all but noise the evidence from a fit without it.
 
     Args:
         fit: the model with all effects.
-        names: the effects to be described.
+        names: the effects to be described, noise among them.
+        noise: how probable that is, by effect.
     """
     fitter, errors = fit.fitter, cluster_errors(fit)
     effects = []
@@ -123,7 +124,7 @@ def named_effects(fit: Fit, names: Sequence[str]) -> tuple[NamedEffect, ...]:
                 std = fit.maps[name].std_error
             parameters[parameter] = Estimate.of(value, about, std, formula_error(fit))
         if effect.noise:
-            effects.append(NamedEffect(effect, parameters))
+            effects.append(NamedEffect(effect, parameters, probability=noise[name], shares={name: 1.0}))
             continue
         without = fit.without(name, from_afar=True)
         evidence = evidence_for(fit, name, errors, without)

@@ -20,6 +20,7 @@ from sci_lightning.diagnosis.search.improbable_effects import (
     without_improbable_effects,
     without_unnamed,
 )
+from sci_lightning.diagnosis.search.noise import select_noise
 from sci_lightning.diagnosis.search.remaining_misfit import (
     Unnamed,
     best_free_form,
@@ -27,7 +28,7 @@ from sci_lightning.diagnosis.search.remaining_misfit import (
     explain_remaining_misfit,
     quantified,
 )
-from sci_lightning.diagnosis.search.selection import OnProgress, Round, noise_that_differs, select_effects, select_noise
+from sci_lightning.diagnosis.search.selection import OnProgress, Round, select_effects
 from sci_lightning.diagnosis.search_settings import SearchSettings
 
 
@@ -39,7 +40,8 @@ class Explanation:
         ideal: the ideal camera with the datasheet's noise, on the pixels that count for the fit.
         fit: the likeliest model, with named effects and free-form deviations; its fitter leaves out what depends on the
             unknown surround.
-        names: the named effects, noise that differs from the datasheet's among them.
+        names: the named effects.
+        noise: how probably the noise differs from the datasheet's where it does, by effect.
         rounds: of the forward selection that led there.
         unnamed: deviations that no effect of the vocabulary explains.
         not_named: how probable the other effects are that were looked at last, and those that were withdrawn, by name.
@@ -48,6 +50,7 @@ class Explanation:
     ideal: Fit
     fit: Fit
     names: tuple[str, ...]
+    noise: Mapping[str, float]
     rounds: tuple[Round, ...]
     unnamed: tuple[Unnamed, ...]
     not_named: Mapping[str, float]
@@ -64,6 +67,7 @@ class Selected:
     """A model that was selected in one of two ways: names first, or the strongest deviation without a name first."""
 
     fit: Fit
+    noise: Mapping[str, float]
     rounds: Sequence[Round]
     unnamed: Sequence[Unnamed]
 
@@ -92,12 +96,12 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
     keep = {*noise.effects, *whole.model.imperfections}
     fit, rounds = select_effects(whole, noise, on_progress)
     fit, unnamed = explain_remaining_misfit(fit, keep, (), on_progress)
-    selected = Selected(select_noise(fit), rounds, unnamed)
-    doubtful = unnamed or noise_that_differs(selected.fit) or not names_are_certain(selected.fit, keep, unnamed)
+    selected = Selected(*select_noise(fit), rounds, unnamed)
+    doubtful = unnamed or selected.noise or not names_are_certain(selected.fit, keep, unnamed)
     if doubtful and whole.budget.allows("effects beside a deviation without a name"):
         selected = _with_a_free_form_first(selected, keep, on_progress) or selected
     completed, left, withdrawn = complete(whole, selected.fit, keep, selected.unnamed, on_progress)
-    settled = completed if completed is selected.fit else select_noise(completed)
+    settled, noise_names = (completed, selected.noise) if completed is selected.fit else select_noise(completed)
     free_forms = {deviation.name for deviation in left}
     names = [
         name
@@ -105,10 +109,9 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
         if name not in keep and name not in free_forms and not whole.model.effects[name].imperfection
     ]
     ideal = settled.fitter.fit(noise, fixed=stated, iterations=30)
-    effects = tuple(names if left else [*names, *noise_that_differs(settled)])
     looked_at = {**(selected.rounds[-1].probabilities if selected.rounds else {}), **withdrawn}
     not_named = {name: one for name, one in looked_at.items() if name not in settled.hypothesis.effects}
-    explanation = Explanation(ideal, settled, effects, tuple(selected.rounds), tuple(left), not_named)
+    explanation = Explanation(ideal, settled, tuple(names), noise_names, tuple(selected.rounds), tuple(left), not_named)
     return _without_contradicted_maps(explanation, on_progress)
 
 
@@ -137,12 +140,12 @@ def _with_a_free_form_first(first: Selected, keep: Collection[str], on_progress:
     fit, rounds = select_effects(start.fitter, larger.hypothesis, on_progress)
     fit = prune(fit, larger.hypothesis.effects)
     fit, unnamed = explain_remaining_misfit(fit, keep, (free_form,), on_progress)
-    fit = select_noise(fit)
+    fit, noise = select_noise(fit)
     common = fit.fitter.with_border(first.fit.fitter.split.border)
     # a free form that is as likely as a named effect (stray light as an offset, say) does not take its place
     gain = bic(common.repeated(fit)) - bic(common.repeated(first.fit))
     better = gain > common.settings.indistinct_nats and not names_are_certain(first.fit, keep, first.unnamed)
-    return Selected(fit, rounds, unnamed) if better else None
+    return Selected(fit, noise, rounds, unnamed) if better else None
 
 
 def complete(

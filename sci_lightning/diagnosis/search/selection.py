@@ -1,22 +1,17 @@
-"""Forward selection: the effects whose joint fits gain most, one by one, and the noise that is left."""
+"""Forward selection: the effects whose joint fits gain most, one by one."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 
-import torch
-
 from sci_lightning.diagnosis.fit.budget import EXCHANGE_SHARE
-from sci_lightning.diagnosis.fit.cluster_errors import LIGHT_LEVELS, cluster_errors, levels_of_light
+from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
 from sci_lightning.diagnosis.fit.fit import MIN_LABORATORY_NATS, Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import bic, prune
-from sci_lightning.diagnosis.model.hypothesis import Hypothesis, ParameterName, datasheet_noise
+from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.search.candidate_comparison import CandidateComparison, compare_candidates
 from sci_lightning.diagnosis.search.displacement import far_displacements
-from sci_lightning.diagnosis.search.formula_error import formula_error
-from sci_lightning.diagnosis.search.probability import MIN_PROBABILITY, evidence_for
 from sci_lightning.diagnosis.search.screening import rivals
 
 OnProgress = Callable[[str], None]
@@ -28,8 +23,6 @@ MIN_PROBABLE_NATS = 10.0
 """Nats without which no effect can be more probable than not: the prior asks for four, its numbers for several more."""
 WEAK_NATS = 100.0
 """Gain below which effects are compared once more with narrow borders."""
-MOST_LOST_SHARE = 0.1
-"""Part of the nats that another noise gains at some levels of light which it may lose at others."""
 WEAK_START_SHARE = 0.1
 """Part of a start's distance from doing nothing at which weak effects are looked for: their borders are a pixel or two
 wide."""
@@ -115,8 +108,8 @@ def most_probable(comparison: CandidateComparison) -> tuple[CandidateComparison,
     refused, budget = set[str](), comparison.best.fitter.budget
     while (added := comparison.most_probable()) is None and budget.allows("improbable effects"):
         largest = max((gain for gain, _ in comparison.gains().values()), default=0.0)
-        refused.update(comparison.tried)
-        if not comparison.tried or (largest < MIN_PROBABLE_NATS and not comparison.best.in_laboratory):
+        refused.update(comparison.fits)  # what was abandoned for the sake of one of these has another chance
+        if not comparison.fits or (largest < MIN_PROBABLE_NATS and not comparison.best.in_laboratory):
             break
         comparison = comparison.with_others(refused)
     return comparison, added
@@ -128,7 +121,7 @@ def with_laboratory(fit: Fit, least: float) -> Fit | None:
     if start is fit.hypothesis:
         return None
     larger = fit.fitter.fit(start, LABORATORY_ITERATIONS)
-    gained = larger.log_likelihood - fit.log_likelihood
+    gained = bic(larger) - bic(fit)
     return larger if gained > max(least, MIN_LABORATORY_NATS) else None
 
 
@@ -166,57 +159,3 @@ def exchange(fit: Fit, keep: Collection[str]) -> Fit:
             if now not in tried:  # what took its place may have other rivals
                 waiting.append(now)
     return fit
-
-
-def select_noise(fit: Fit) -> Fit:
-    """Return the fit with the datasheet's noise where the captures bear it.
-
-    Of the stated parameters, the one that gains most is freed if it probably differs
-    (:mod:`~sci_lightning.diagnosis.search.probability`), by more than formulas may be wrong, and at most levels of
-    light: what formulas get wrong passes for noise, but not for the same noise everywhere. Then another one may follow.
-    """
-    datasheet, stated = datasheet_noise(fit.fitter.model.observation)
-
-    def with_stated(fixed: Sequence[ParameterName]) -> Fit:
-        start = fit.hypothesis
-        for name, parameter in fixed:
-            start = start.with_effect(name, {parameter: datasheet.effects[name][parameter]})
-        return fit.fitter.fit(start, fixed=tuple(fixed), iterations=30)
-
-    best, fixed = with_stated(stated), [*stated]
-    while fixed:
-        freed = {one: with_stated([other for other in fixed if other != one]) for one in fixed}
-        differing = [one for one, larger in freed.items() if _differs(one, larger, best)]
-        if not differing:
-            break
-        first = max(differing, key=lambda one: freed[one].log_likelihood)
-        best = freed[first]
-        fixed.remove(first)
-    return best
-
-
-def _differs(one: ParameterName, freed: Fit, stated: Fit) -> bool:
-    """Return whether a parameter of the noise, freed in one fit, differs from the datasheet's in another."""
-    name, parameter = one
-    if evidence_for(freed, name, without=stated).probability < MIN_PROBABILITY:
-        return False
-    value, nominal = (max(float(fit.hypothesis.effects[name][parameter]), 1e-9) for fit in (freed, stated))
-    by_formulas = 0.5 * (math.log(value / nominal) / formula_error(freed).share) ** 2
-    return by_formulas > MIN_PROBABLE_NATS and _likelier_at_most_levels(freed, stated)
-
-
-def _likelier_at_most_levels(one: Fit, other: Fit) -> bool:
-    """Return whether what a fit loses at some levels of light is little beside what it gains at others."""
-    fitter = one.fitter
-    gain = (fitter.log_likelihood(one.prediction) - fitter.log_likelihood(other.prediction)) * fitter.fitted
-    levels = levels_of_light(one.prediction.mean.contiguous()).flatten()
-    sums = torch.zeros(LIGHT_LEVELS, dtype=torch.float64).index_add_(0, levels, gain.flatten().double())
-    lost, gained = float(-sums.clamp(max=0).sum()), float(sums.clamp(min=0).sum())
-    return lost < max(MIN_PROBABLE_NATS, MOST_LOST_SHARE * gained)
-
-
-def noise_that_differs(fit: Fit) -> list[str]:
-    """Return the noise effects of a fit that differ from the datasheet, where it states them."""
-    return [
-        name for name, parameter in datasheet_noise(fit.fitter.model.observation)[1] if (name, parameter) in fit.free
-    ]
