@@ -303,7 +303,7 @@ def test_a_verdict_waits_for_the_residuals_to_be_noise(result: Diagnosis) -> Non
     assert result.verdict == "explained"
     assert not result.remaining
     unlike = replace(result.after, fit=result.before.fit, residuals=result.before.residuals, tests=result.before.tests)
-    left = remaining_tests(result.before, unlike, [])  # the gap is that of a good model, the residuals are not
+    left = remaining_tests(result.before, unlike)  # the gap is that of a good model, the residuals are not
     assert left
     less = replace(result, remaining=left)
     assert less.verdict != "explained"
