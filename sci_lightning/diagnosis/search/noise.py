@@ -61,7 +61,7 @@ def probability_of_noise(one: ParameterName, freed: Fit, stated: Fit) -> float:
 
 
 def flat_captures(observation: Observation) -> torch.Tensor:
-    """Return ``(N,)`` which captures are dark frames or flat fields: no light, or an even target behind even patterns."""
+    """Return ``(N,)`` which captures are dark frames, or flat fields: even targets behind even patterns."""
     even_pattern = observation.patterns.amax((-2, -1)) == observation.patterns.amin((-2, -1))
     behind_even = even_pattern[observation.sequences].all(1)[observation.sequence]
     even = torch.tensor([scene.shape[1:] == (1, 1) for scene in observation.scene])
