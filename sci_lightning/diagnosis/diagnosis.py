@@ -103,7 +103,10 @@ def diagnose(
         unseen, bad = None if odd.all() else unseen.take(~odd), (*bad, *worse)
     before, after = (assess(fit, seed) for fit in (ideal, explanation.corrected(free_forms)))
     corrected = after.fit
-    names = sorted((*explanation.names, *explanation.noise), key=lambda name: model.vocabulary[name].rank)
+    remaining = remaining_tests(before, after)
+    # more noise than stated makes room for what is left, and is no finding of its own beside that
+    noise = {} if explanation.unnamed or remaining else explanation.noise
+    names = sorted((*explanation.names, *noise), key=lambda name: model.vocabulary[name].rank)
     return Diagnosis(
         observation=observation,
         model=model,
@@ -112,7 +115,7 @@ def diagnose(
         seed=seed,
         before=before,
         after=after,
-        effects=named_effects(explanation.fit, names, explanation.noise),
+        effects=named_effects(explanation.fit, names, noise),
         unnamed=explanation.unnamed,
         rounds=explanation.rounds,
         considered={
@@ -120,7 +123,7 @@ def diagnose(
         },
         stated_noise=tuple(effect for effect, _ in datasheet_noise(observation)[1]),
         correlation=error_correlation(corrected),
-        remaining=remaining_tests(before, after),
+        remaining=remaining,
         verification=None if unseen is None else verify(before.fit, after.fit, unseen, seed),
         bad_captures=bad,
         budget=time,

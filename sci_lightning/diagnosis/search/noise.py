@@ -1,6 +1,6 @@
 """Which noise differs from the datasheet's.
 
-More noise makes room for whatever a model of the camera gets wrong. Dark frames and flat fields contain least of that,
+More noise makes room for whatever a model of the camera gets wrong. The captures of even targets contain least of that,
 and are what the noise of a sensor is measured on (EMVA standard 1288, release 4.0, section 6): they decide by
 themselves.
 """
@@ -14,7 +14,6 @@ import torch
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.hypothesis import ParameterName, datasheet_noise
-from sci_lightning.diagnosis.model.observation import Observation
 from sci_lightning.diagnosis.search.probability import MIN_PROBABILITY, evidence_for
 
 
@@ -22,7 +21,7 @@ def select_noise(fit: Fit) -> tuple[Fit, Mapping[str, float]]:
     """Return the fit with the datasheet's noise where the captures bear it, and how probable the rest is, by name.
 
     Of the stated parameters, the one that gains most is freed if it probably differs
-    (:mod:`~sci_lightning.diagnosis.search.probability`), in all captures and in dark frames and flat fields alone. Then
+    (:mod:`~sci_lightning.diagnosis.search.probability`), in all captures and in those of even targets alone. Then
     another one may follow.
     """
     datasheet, stated = datasheet_noise(fit.fitter.model.observation)
@@ -51,19 +50,10 @@ def probability_of_noise(one: ParameterName, freed: Fit, stated: Fit) -> float:
     name, _ = one
     probability = evidence_for(freed, name, without=stated).probability
     observation = freed.fitter.model.observation
-    flat = flat_captures(observation)
-    if probability < MIN_PROBABILITY or not flat.any():
+    even = torch.tensor([scene.shape[1:] == (1, 1) for scene in observation.scene])
+    if probability < MIN_PROBABILITY or not even.any():
         return probability
-    fitter = freed.fitter.of_captures(observation.take(flat), fitted=True)
+    fitter = freed.fitter.of_captures(observation.take(even), fitted=True)
     others = tuple(other for other in FreeParameters.of(fitter.model, freed.hypothesis).names if other != one)
     alone, nominal = fitter.fit(freed.hypothesis, fixed=others), fitter.fit(stated.hypothesis, fixed=(*others, one))
     return min(probability, evidence_for(alone, name, without=nominal).probability)
-
-
-def flat_captures(observation: Observation) -> torch.Tensor:
-    """Return ``(N,)`` which captures are dark frames, or flat fields: even targets behind even patterns."""
-    even_pattern = observation.patterns.amax((-2, -1)) == observation.patterns.amin((-2, -1))
-    behind_even = even_pattern[observation.sequences].all(1)[observation.sequence]
-    even = torch.tensor([scene.shape[1:] == (1, 1) for scene in observation.scene])
-    dark = torch.tensor([not scene.any() for scene in observation.scene])
-    return dark | (even & behind_even) | (observation.aperture * observation.exposure == 0).flatten()
