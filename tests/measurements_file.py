@@ -16,6 +16,8 @@ import torch
 from sci_lightning.studies.proving_ground.reliability import Proportion
 
 ROOT = Path(__file__).parents[1]
+Column = tuple[str, str, int | None]
+"""Key, title, and digits behind the point (None for a text)."""
 
 
 class MeasurementsFile:
@@ -45,11 +47,11 @@ class MeasurementsFile:
 
     def write(
         self,
-        columns: Sequence[tuple[str, str, int | None]],
+        columns: Sequence[Column],
         rows: Sequence[Mapping[str, Any]],
         notes: Sequence[str] = (),
     ) -> None:
-        """Write the rows; every column has a key, a title, and digits behind the point (None for a text)."""
+        """Write the rows."""
         described = [
             {"key": key, "title": title} | ({} if digits is None else {"digits": digits})
             for key, title, digits in columns
@@ -62,6 +64,7 @@ class MeasurementsFile:
             "rows": rows,
             **({"notes": notes} if notes else {}),
         }
+        self.path.parent.mkdir(parents=True, exist_ok=True)
         self.path.write_text(json.dumps(content, indent=1) + "\n")
 
 

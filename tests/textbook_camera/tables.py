@@ -22,14 +22,13 @@ from sci_lightning.studies.proving_ground.outcome import Outcome
 from sci_lightning.studies.proving_ground.pictures import reliability_figure
 from sci_lightning.studies.proving_ground.reliability import Statement, reliability
 from sci_lightning.studies.proving_ground.summary import CERTAIN, VISIBLE_GAIN
-from tests.measurements_file import MeasurementsFile, in_words, proportion_in_words
+from tests.measurements_file import Column, MeasurementsFile, in_words, proportion_in_words
 from tests.textbook_camera.score import SIZE, TrialRecord, every_case
 from tests.textbook_camera.suite import GROUPS
 
 RESULTS = Path("docs/results")
 STANDARD_DEVIATIONS = 1.959964
 """Half the width of the 95 % interval of a normal distribution."""
-Column = tuple[str, str, int | None]
 COLUMNS: list[Column] = [
     ("world", "world", None),
     ("hidden", "hidden", None),

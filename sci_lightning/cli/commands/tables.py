@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 class TablesSettings(CommandSettings):
     runs: ExistingPath | Sequence[ExistingPath] | None
     documentation: Place | None
-    dynamic_range: ExistingPath | Sequence[ExistingPath] | None
-    motion_aware: ExistingPath | Sequence[ExistingPath] | None
-    scenes: ExistingPath | None
     mosaic: Count
     dashboard: bool
     sensor: Mapping[str, Positive | None]
@@ -38,14 +35,10 @@ def tables(composition: Composition) -> None:
 
     Files that are of no use are named, one line each, and the others go on.
 
-    With ``documentation=DIR`` it writes the measured tables of README.md and docs/ from docs/results/ instead. With
-    ``dynamic_range=`` or ``motion_aware=`` it makes one figure and one table of those files, and reads no runs.
+    With ``documentation=DIR`` it writes the measured tables of README.md and docs/ from docs/results/ instead.
     """
     if composition.cfg.documentation:
         _write_documentation(Path(str(composition.cfg.documentation)))
-        return
-    if composition.cfg.dynamic_range or composition.cfg.motion_aware:
-        _of_files(plain(composition.cfg))
         return
     from sci_lightning.cli.next_command import browser, dashboard, invocation, print_next
 
@@ -75,28 +68,6 @@ def tables_of(composition: Composition, on_left_out: Callable[[str], None] = lam
     # of encoders whose mask is a file, the file is missing
     decoders, encoders = (OmegaConf.to_container(members[group], resolve=True) for group in ("decoder", "encoder"))
     return make_tables(plain(composition.cfg), cast(Any, decoders), cast(Any, encoders), on_left_out)
-
-
-def _of_files(settings: Mapping[str, Any]) -> None:
-    """Make the figure and the table of files that need no run, write them, and print the table."""
-    from sci_lightning.cli.next_command import browser, print_next
-    from sci_lightning.studies.figures.capture_range import capture_range
-    from sci_lightning.studies.figures.motion_aware import motion_aware
-
-    name = "dynamic_range" if settings["dynamic_range"] else "motion_aware"
-    given = settings[name]
-    files = list(given) if isinstance(given, list | tuple) else [given]
-    names = ",".join(Path(file).name for file in files)
-    command = f"python -m sci_lightning.tables '{name}=[{names}]'"
-    if name == "dynamic_range":
-        study = capture_range(files)
-    else:
-        study = motion_aware(files, settings["scenes"])
-        command += " scenes=SCENES" if settings["scenes"] else ""
-    console, out = PlainConsole(), Path(settings["out"])
-    console.print(study.write(out, command).as_markdown())
-    console.say(styled(out), f": {study.name}.json, .md and .png")
-    print_next(console, browser(out / f"{study.name}.png"))
 
 
 def _write_documentation(root: Path) -> None:

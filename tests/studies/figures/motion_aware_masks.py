@@ -13,8 +13,8 @@ from pathlib import Path
 from scipy.stats import spearmanr
 
 from sci_lightning.data import Folder
-from sci_lightning.studies.figures.motion_aware import awareness
 from tests.conftest import ROOT
+from tests.studies.figures.motion_aware import awareness
 from tests.studies.mask_ranking import masks
 
 FRAMES, SIDE, SEED = 8, 64, 0

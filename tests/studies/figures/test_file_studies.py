@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +10,10 @@ import torch
 from PIL import Image
 
 from sci_lightning.data.source import Scene
-from sci_lightning.studies.figures.capture_range import range_of
-from sci_lightning.studies.figures.motion_aware import awareness
+from sci_lightning.errors import BadInput
 from sci_lightning.studies.tables.documented import measurements
+from tests.studies.figures.capture_range import capture_range, range_of
+from tests.studies.figures.motion_aware import awareness, motion_aware
 
 
 def snapshot(folder: Path, name: str, brightest: int, texture: int) -> None:
@@ -24,21 +24,22 @@ def snapshot(folder: Path, name: str, brightest: int, texture: int) -> None:
     Image.fromarray((ramp + noise).astype(np.uint8)).save(folder / f"{name}.png")
 
 
-def test_range_of_snapshots(ran: Callable[..., str], refused: Callable[..., str], tmp_path: Path) -> None:
+def test_range_of_snapshots(tmp_path: Path) -> None:
     for name in ("one", "two"):
         snapshot(tmp_path / "random", name, 140, 100)
         snapshot(tmp_path / "structural", name, 250, 10)
     snapshot(tmp_path / "structural", "only_here", 250, 10)
-    assert "capture_range.json" in ran("tables", "dynamic_range=[random,structural]", "out=out")
-    table = measurements(tmp_path / "out" / "capture_range.json", "")
+    capture_range(tmp_path, [tmp_path / "random", tmp_path / "structural"])
+    table = measurements(tmp_path / "capture_range.json", "")
     assert [row[:2] for row in table.rows] == [[f, m] for f in ("one", "two") for m in ("random", "structural")]
     assert float(table.rows[0][3]) < 141 < 240 < float(table.rows[1][3])
     assert float(table.rows[0][-1]) > 0.2 > float(table.rows[1][-1])
-    assert "dynamic_range=[random,structural]" in table.provenance.command
-    with Image.open(tmp_path / "out" / "capture_range.png") as picture:
+    assert table.provenance.command.endswith("OUT random structural")
+    with Image.open(tmp_path / "capture_range.png") as picture:
         assert picture.width > 1000
     snapshot(tmp_path / "other", "three", 200, 10)
-    assert "no picture has the same name" in refused("tables", "dynamic_range=[random,other]")
+    with pytest.raises(BadInput, match="no picture has the same name"):
+        capture_range(tmp_path, [tmp_path / "random", tmp_path / "other"])
 
 
 def test_range_of_one_snapshot() -> None:
@@ -70,9 +71,11 @@ def test_no_mask_is_more_motion_aware_than_none() -> None:
     torch.testing.assert_close(error, parts)
 
 
-def test_motion_aware_masks(ran: Callable[..., str], refused: Callable[..., str], tmp_path: Path) -> None:
+def test_motion_aware_masks(tmp_path: Path) -> None:
     for name, frames in (("a", 4), ("b", 4), ("c", 3)):
         np.save(tmp_path / f"{name}.npy", np.random.default_rng(1).random((frames, 32, 32), dtype=np.float32))
-    assert "open shutter" in ran("tables", "motion_aware=[a.npy,b.npy]", "out=out")
-    assert len(measurements(tmp_path / "out" / "motion_aware.json", "").rows) == 3
-    assert "expected masks of one shape" in refused("tables", "motion_aware=[a.npy,c.npy]")
+    motion_aware(tmp_path, None, [tmp_path / "a.npy", tmp_path / "b.npy"])
+    rows = measurements(tmp_path / "motion_aware.json", "").rows
+    assert [row[0] for row in rows] == ["a", "b", "open shutter"] and (tmp_path / "motion_aware.png").exists()
+    with pytest.raises(BadInput, match="expected masks of one shape"):
+        motion_aware(tmp_path, None, [tmp_path / "a.npy", tmp_path / "c.npy"])

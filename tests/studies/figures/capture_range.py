@@ -1,7 +1,11 @@
-"""How much of a sensor's range real snapshots use, and how much of their detail is the mask's: no mask is needed."""
+"""How much of a sensor's range real snapshots use, and how much of their detail is the mask's: no mask is needed.
+
+``python -m tests.studies.figures.capture_range OUT FOLDER FOLDER ..`` writes OUT/capture_range.json and .png.
+"""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,10 +15,10 @@ from matplotlib.figure import Figure
 
 from sci_lightning.captures.light_scale import raw_dn
 from sci_lightning.errors import BadInput
-from sci_lightning.figures.figure import show_picture
+from sci_lightning.figures.figure import show_picture, write_figure
 from sci_lightning.files.picture_file import natural, pictures_of, read_pictures
 from sci_lightning.plain_text import in_figure, in_markdown
-from sci_lightning.studies.figures.file_study import FileStudy
+from tests.measurements_file import Column, MeasurementsFile
 
 RIM = (3, 4)
 """Rows at the top and bottom, and columns at the left and right, that are left out, as in the released code of the
@@ -29,22 +33,23 @@ BRIGHT = 99.9
 CLOSE_UP = 96
 """Side of the part that is shown enlarged, pixels."""
 
-COLUMNS = (
-    {"key": "snapshot", "title": "snapshot"},
-    {"key": "mask", "title": "folder"},
-    {"key": "levels", "title": "levels used"},
-    {"key": "bright", "title": f"{BRIGHT} % of the pixels are below (DN)"},
-    {"key": "mean", "title": "mean (DN)", "digits": 1},
-    {"key": "white", "title": "at full scale (%)", "digits": 2},
-    {"key": "black", "title": "at 0 (%)", "digits": 2},
-    {"key": "fine", "title": "share of fine detail", "digits": 3},
-)
+COLUMNS: list[Column] = [
+    ("snapshot", "snapshot", None),
+    ("mask", "folder", None),
+    ("levels", "levels used", 0),
+    ("bright", f"{BRIGHT} % of the pixels are below (DN)", 0),
+    ("mean", "mean (DN)", 1),
+    ("white", "at full scale (%)", 2),
+    ("black", "at 0 (%)", 2),
+    ("fine", "share of fine detail", 3),
+]
 
 
-def capture_range(folders: Sequence[str | Path]) -> FileStudy:
+def capture_range(out: Path, folders: Sequence[str | Path]) -> None:
     """Compare snapshots of the same scenes behind different masks, the paper's Figure 3 (d, e) and its range claim.
 
     Args:
+        out: folder of what is written.
         folders: one for each mask, of pictures of raw DN; those of one name in all folders show the same scene.
 
     Raises:
@@ -67,7 +72,12 @@ def capture_range(folders: Sequence[str | Path]) -> FileStudy:
         f"Fine detail: the share of a snapshot's variance at {FINE:g} cycles a pixel and above (Hann window). "
         "The scenes moved between the captures, and the exposure of each is not known.",
     ]
-    return FileStudy("capture_range", COLUMNS, rows, notes, _figure(snapshots, common[0]), "real snapshots")
+    command = f"python -m tests.studies.figures.capture_range OUT {' '.join(snapshots)}"
+    file = MeasurementsFile(
+        out / "capture_range.json", machine="computed", scale="real snapshots", seeds="none", command=command
+    )
+    file.write(COLUMNS, rows, notes)
+    write_figure(_figure(snapshots, common[0]), out / "capture_range.png")
 
 
 def _snapshot(file: str) -> np.ndarray:
@@ -127,3 +137,7 @@ def _figure(snapshots: dict[str, dict[str, np.ndarray]], scene: str) -> Figure:
     for axes in (histogram, spectrum):
         axes.legend(fontsize=8)
     return figure
+
+
+if __name__ == "__main__":
+    capture_range(Path(sys.argv[1]), sys.argv[2:])

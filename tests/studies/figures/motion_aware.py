@@ -9,10 +9,14 @@ Ours is the PSNR of the mean measurement :math:`m = y / \sum_t M_t` against the 
 where :math:`\bar x` is the mean of the frames, the photograph of the same exposure without a mask. The second part is
 the scene's motion, whatever the mask; the first is what the mask writes over the photograph. An open shutter writes
 nothing and is the most motion-aware of all, although nothing can be decoded behind it.
+
+``python -m tests.studies.figures.motion_aware OUT SCENES MASK MASK ..`` writes OUT/motion_aware.json and .png; SCENES
+is a folder with the six test scenes, or ``-`` for photographs of scikit-image that move.
 """
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -25,25 +29,26 @@ from sci_lightning.data.source import Scene
 from sci_lightning.data.synthetic import Synthetic
 from sci_lightning.encoder.mask.measured import read_mask
 from sci_lightning.errors import BadInput
-from sci_lightning.figures.figure import show_picture
+from sci_lightning.figures.figure import show_picture, write_figure
 from sci_lightning.metrics.psnr import psnr
 from sci_lightning.operator import SnapshotOperator
 from sci_lightning.plain_text import in_markdown
-from sci_lightning.studies.figures.file_study import FileStudy
+from tests.measurements_file import Column, MeasurementsFile
 
-COLUMNS = (
-    {"key": "mask", "title": "mask"},
-    {"key": "frames", "title": "mean measurement against the frames (dB)", "digits": 2},
-    {"key": "photograph", "title": "against the photograph without a mask (dB)", "digits": 2},
-)
+COLUMNS: list[Column] = [
+    ("mask", "mask", None),
+    ("frames", "mean measurement against the frames (dB)", 2),
+    ("photograph", "against the photograph without a mask (dB)", 2),
+]
 
 
-def motion_aware(files: Sequence[str | Path], scenes: str | Path | None) -> FileStudy:
+def motion_aware(out: Path, scenes: str | None, files: Sequence[str | Path]) -> None:
     """Compare masks by how much of the scenes their measurements show.
 
     Args:
-        files: of masks, all of one T, H and W.
+        out: folder of what is written.
         scenes: folder of the six test scenes; None: photographs of scikit-image that move.
+        files: of masks, all of one T, H and W.
 
     Raises:
         BadInput: a file that holds no mask, masks of several shapes, or scenes that do not fit.
@@ -60,7 +65,10 @@ def motion_aware(files: Sequence[str | Path], scenes: str | Path | None) -> File
     names = ", ".join(scene.name for scene in shown)
     scale = f"{frames} slots of {height} x {width}, ideal sensor; {names}"
     notes = ["PSNR, mean over frames, snapshots and scenes. No mask is ahead of the open shutter in either column."]
-    return FileStudy("motion_aware", COLUMNS, rows, notes, _figure(masks, shown[0].video[0]), scale)
+    command = f"python -m tests.studies.figures.motion_aware OUT {'SCENES' if scenes else '-'} {' '.join(masks)}"
+    file = MeasurementsFile(out / "motion_aware.json", machine="computed", scale=scale, seeds="none", command=command)
+    file.write(COLUMNS, rows, notes)
+    write_figure(_figure(masks, shown[0].video[0]), out / "motion_aware.png")
 
 
 def awareness(mask: torch.Tensor, scenes: Sequence[Scene]) -> dict[str, float]:
@@ -100,3 +108,7 @@ def _figure(masks: dict[str, torch.Tensor], video: torch.Tensor) -> Figure:
         show_picture(upper, mean.numpy(), f"{name}: {decibel:.1f} dB")
         show_picture(lower, 3 * (mean - photograph).abs().numpy(), "difference x 3", colours="magma")
     return figure
+
+
+if __name__ == "__main__":
+    motion_aware(Path(sys.argv[1]), None if sys.argv[2] == "-" else sys.argv[2], sys.argv[3:])
