@@ -71,6 +71,7 @@ html_theme_options = {
     "footer_start": ["copyright"],
     "footer_end": [],
 }
+html_context = {"default_mode": "auto"}  # by the reader's system, light or dark
 html_sidebars = {"index": []}
 
 OUTSIDE = {

@@ -32,12 +32,12 @@ STANDARD_DEVIATIONS = 1.959964
 COLUMNS: list[Column] = [
     ("world", "world", None),
     ("hidden", "hidden", None),
-    ("exact", "exactly what is hidden is named, or its class", None),
-    ("wrong", "with a wrong name", None),
-    ("missed", "hidden names missed", None),
-    ("stage", "stage of what has no name right", None),
-    ("agrees", "`consistent` or `explained`", None),
-    ("median", "processor seconds, median", 0),
+    ("exact", "exact", None),
+    ("wrong", "wrong name", None),
+    ("missed", "missed", None),
+    ("stage", "stage right", None),
+    ("agrees", "agrees", None),
+    ("median", "seconds", 0),
     ("longest", "longest", 0),
 ]
 RELIABILITY: list[Column] = [
