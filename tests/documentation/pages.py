@@ -121,7 +121,8 @@ def reduced(arguments: list[str]) -> list[str]:
             return [module, *overrides, *algorithm, *quick]
         case "diagnose" if overrides != ["captures=CAPTURES.h5"]:  # the README's; tests/diagnosis/blind has all effects
             left_out = set(members("effect")) - {"mask_contrast", "mask_shift", "read_noise", "shot_noise"}
-            return [module, *overrides, f"leave_out=[{','.join(sorted(left_out))}]"]
+            known = [] if "SNAPSHOT" in line else ["budget=3"]  # of unknown scenes there is no budget
+            return [module, *overrides, f"leave_out=[{','.join(sorted(left_out))}]", *known]
         case "virtual_camera":
             return [module, *overrides, "size=[32,32]", *FEW_CAPTURES]
         case "train" if "ckpt_path=" not in line:

@@ -42,6 +42,7 @@ def test_two_processes_end_with_the_same_mask(
     assert len(list(tmp_path.glob("**/metrics.json"))) == 1
 
 
+@pytest.mark.slow
 def test_one_process_and_two_end_alike(
     command: Callable[..., subprocess.CompletedProcess[str]], tmp_path: Path
 ) -> None:

@@ -76,6 +76,7 @@ def test_killed_and_started_again_in_processes_of_joblib(command: Command, tmp_p
         assert (folders[kind] / "metrics.json").is_file()
 
 
+@pytest.mark.slow
 def test_two_rows_in_processes_of_joblib(command: Command, tmp_path: Path) -> None:
     pytest.importorskip("hydra_plugins.hydra_joblib_launcher", reason="pip install sci-lightning[launchers]")
     row = ["experiment=sweep", "scale=smoke", "encoder=rbw_sr", "decoder=e2e_cnn", "data.scenes_count=1", *QUICK]

@@ -113,6 +113,7 @@ def test_no_picture_is_left_of_an_earlier_report(tmp_path: Path) -> None:
     assert (tmp_path / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_one_snapshot_says_so_and_is_less_sure() -> None:
     hidden = {"mask_contrast": {"leak": 0.2}}
     one, six = (diagnosed(snapshots(hidden, count, size=(48, 48)), ("mask_contrast",)) for count in (1, 6))
@@ -195,6 +196,7 @@ def test_reports_of_earlier_versions_still_open() -> None:
     )
 
 
+@pytest.mark.slow
 def test_contrast_and_curve_of_a_measured_mask_are_its_calibration() -> None:
     """Nobody knows them, so that they are fitted and never named; what is wrong beside them is."""
     captures = snapshots({"mask_shift": {"dx": 0.7, "dy": -0.4}}, size=(48, 48))
