@@ -16,6 +16,9 @@ from sci_lightning.captures.recipe import CaptureEntry, Top
 FAR = 10.0
 """Ratio of measured and predicted level above which the recipe is more likely to be wrong than the camera."""
 
+FAR_ALIKE = 1.8
+"""The same ratio where it is the median of all captures: no gain is so wrong, but an aperture that was forgotten is."""
+
 BRIGHT_SCENE = 2.0
 """Irradiance above which a scene may be in percent or DN: 1.0 fills the sensor's range."""
 
@@ -225,6 +228,14 @@ def _contradictions(levels: Sequence[Levels]) -> Iterator[str]:
             f"{_keys([level.entry for level in far])}: scene, patterns and aperture predict {first.predicted:.3g} of "
             f"full scale, {first.measured:.3g} was measured above the dark level; check aperture (light scale, 1 is "
             "nominal), scene and pattern_levels"
+        )
+        return
+    seen = [level for level in levels if min(level.predicted, level.measured) > VISIBLE and level.saturated < 0.5]
+    ratio = float(np.median([level.predicted / level.measured for level in seen])) if seen else 1.0
+    if not 1 / FAR_ALIKE < ratio < FAR_ALIKE:
+        yield (
+            f"captures: scene, patterns and aperture predict {ratio:.3g} times the light that was measured (median of "
+            f"{len(seen)}); is it aperture: {1 / ratio:.2g} times what is stated? (light scale, 1 is nominal)"
         )
 
 

@@ -74,7 +74,7 @@ class Folder(StoredSource):
     def clips(self) -> Clips:
         """Return augmented training clips, among them those made of photographs, float32 ``(T, h, w)`` in [0, 1]."""
         if not self.training:
-            one = "holds a single clip, so none can be held out; give val_root for validation"
+            one = "holds a single clip, so none can be held out; give data.val_root=FOLDER for validation"
             every = f"every clip is in val_root={self.val_root} too; none is left to train on"
             raise BadInput(f"{self.root}: {every if self.val_root else one}")
         clips = super().clips()

@@ -121,7 +121,7 @@ class TrainingPlan:
         """Return what the steps take if all are done, and what every limit leaves for them, each with a few words."""
         limits = [(self.steps * self.step_seconds, "")]
         if self.core_minutes is not None:
-            words = f" in {self.core_minutes:g} minutes of processor time, about"
+            words = f" in {duration(60 * self.core_minutes)} of processor time, about"
             limits.append((60 * self.core_minutes / self.busy, words))
         if self.most_seconds is not None:  # which holds for steps and validations
             validating = self.validation_seconds / self.validation_steps

@@ -223,3 +223,12 @@ def test_a_camera_that_is_not_ideal_is_plausible(effect: str) -> None:
     ]
     check_entries(entries)
     assert suspicions(Top(bit_depth=12, patterns=["a.tif"], captures=[]), entries, captures.patterns, 4, 12) == []
+
+
+def test_an_aperture_that_was_forgotten(tmp_path: Path) -> None:
+    """All captures are half as bright as their recipe says: no gain is so wrong."""
+    content = laboratory(tmp_path / "LAB")
+    for entry in content["captures"]:
+        entry.pop("aperture", None)
+    (line,) = packed(tmp_path / "LAB", content)
+    assert "times the light that was measured (median of 3); is it aperture: 0.5 times what is stated?" in line

@@ -170,19 +170,21 @@ def main(round_: int, commit: str, out: Path, ground: Path | None = None, former
         title: [Answer.of_textbook(one) for one in textbook if one.truth["world"] == world]
         for title, world in worlds.items()
     }
-    doubtful: list[Statement] = []
+    doubtful, of_textbook = list[Statement](), dict(about)
     if ground is not None:
         outcomes = list(Records(ground / "cases", Outcome).read())
         asked = [one for one in outcomes if one.suite not in ("weak", "faint", "later")]
         asked = [one for one in asked if not one.hidden or one.suite == "outside" or one.smallest_gain >= VISIBLE_GAIN]
         for title, formulation in {"proving ground": "overlap", "the same, imperfect": "rays"}.items():
-            columns[title] = [Answer.of_proving_ground(one) for one in asked if one.formulation == formulation]
+            if some := [Answer.of_proving_ground(one) for one in asked if one.formulation == formulation]:
+                columns[title] = some
         doubtful = [statement for one in outcomes if one.suite == "faint" for statement in one.statements]
-        about["scale"] += f", and {len(asked)} cameras of the proving ground"
-        about["seeds"] += ", and rounds from 7"
-        about["command"] += " and python -m sci_lightning.proving_ground first_round=7 .."
+        about["scale"] += f", and {len(outcomes)} of the proving ground"
+        about["seeds"] += f", and rounds from {min(int(one.case.rpartition('-')[2]) for one in outcomes)}"
+        about["command"] += " and python -m sci_lightning.proving_ground first_round=.."
     described: list[Column] = [("what", "", None), *((title, title, None) for title in columns)]
-    MeasurementsFile(RESULTS / "diagnosis-summary.json", **about).write(described, short_table(columns))
+    shown = about if len(columns) > len(worlds) else of_textbook
+    MeasurementsFile(RESULTS / "diagnosis-summary.json", **shown).write(described, short_table(columns))
     usual = [one for some in columns.values() for answer in some for one in answer.statements]
     table = [
         {"stated": f"{one.low:g} to {one.high:g}", "mean": one.stated, "true": proportion_in_words(one.true)}
@@ -197,7 +199,9 @@ def main(round_: int, commit: str, out: Path, ground: Path | None = None, former
         before = of_round(former, round_)
         numbers = {one.number for one in before}
         same = [one for one in textbook if one.number in numbers]
-        table = [{"rules": name, **row("", "", some)} for name, some in (("before", before), ("now", same))]
+        table = [
+            {"rules": name, **row("", "", some)} for name, some in (("before", before), (f"of round {round_}", same))
+        ]
         table = [{key: one[key] for key in ("rules", "exact", "wrong", "missed", "stage")} for one in table]
         scale = {"scale": about["scale"].replace(str(total), str(len(same)), 1)}
         MeasurementsFile(RESULTS / f"textbook-{round_}-former.json", **about | scale).write(

@@ -34,7 +34,7 @@ def test_the_paper_scale_is_the_published_one(ran: Callable[..., str], tmp_path:
 
 def test_a_plan_with_a_limit_on_time(ran: Callable[..., str]) -> None:
     printed = ran("train", "scale=cpu", *SMALL, "core_minutes=0.5", "dry_run=true")
-    assert "steps of 4 clips in 0.5 minutes" in printed
+    assert "steps of 4 clips in 30 seconds" in printed
     assert "ends after 30 seconds of processor time" in printed
 
 
