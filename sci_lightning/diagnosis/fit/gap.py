@@ -149,7 +149,7 @@ def chi2_limit(fit: Fit, residual: torch.Tensor, pixels: torch.Tensor, estimated
       error's part of the predicted variance of pixel i.
 
     Where the laboratory has errors, captures of different targets disagree by more than that, and the square of the
-    standard error by this disagreement is added.
+    standard error by this disagreement, relative to their mean, is added.
 
     The effective number of degrees of freedom is f = 2 mean^2 / variance, and the limit is mean * Q(f) / f, where Q is
     the quantile of chi2 that one right model in a thousand exceeds (``SearchSettings.significance``, as for the
@@ -178,10 +178,13 @@ def chi2_limit(fit: Fit, residual: torch.Tensor, pixels: torch.Tensor, estimated
 
 
 def _scatter_of_captures(residual: torch.Tensor, pixels: torch.Tensor) -> float:
-    """Return the squared standard error of reduced chi2 by how far captures disagree about it, 0 for fewer than 3."""
+    """Return the squared standard error of a right model's reduced chi2 by how far captures disagree, 0 for one or two.
+
+    What counts is the disagreement relative to their mean: where no capture fits, none is near 1 by chance either.
+    """
     counts = pixels.sum((1, 2))
     squares = (residual.double().square() * pixels).sum((1, 2))[counts > 0] / counts[counts > 0]
-    return float(squares.var() / len(squares)) if len(squares) > 2 else 0.0
+    return float((squares / squares.mean().clamp(min=1)).var() / len(squares)) if len(squares) > 2 else 0.0
 
 
 def variance_of_squares(residual: torch.Tensor) -> float:
