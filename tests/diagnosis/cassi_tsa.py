@@ -27,7 +27,7 @@ from sci_lightning.diagnosis.report.svg import AFTER, BEFORE, FAINT, style
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.encoder.effects import MaskContrast
 from sci_lightning.files.picture_file import matching_files
-from tests.measurements_file import MeasurementsFile
+from tests.measurements_file import Column, MeasurementsFile
 
 VERIFY = (3, 4)
 """Numbers of the snapshots that only judge."""
@@ -110,7 +110,7 @@ def main(folder: Path, out: Path) -> None:
     likely = MeasurementsFile(RESULTS / "cassi-tsa-blur.json", scale=f"{scale}; scenes 1 to 3", **about)
     diagnosis = diagnose_blind(captures, on_progress=lambda line: print(line, flush=True))
     write_report(diagnosis, out)
-    columns: list[tuple[str, str, int | None]] = [
+    columns: list[Column] = [
         ("snapshot", "snapshot", None),
         ("role", "role", None),
         ("before", "the mask of the file", 3),

@@ -173,11 +173,11 @@ def chi2_limit(fit: Fit, residual: torch.Tensor, pixels: torch.Tensor, estimated
             part = torch.where(pixels, one.leverage / total, 0.0).double()
             variance += 2 * one.shared_variance(part) / count**2
     if fit.in_laboratory:
-        variance += _scatter_of_captures(residual, pixels)
+        variance += scatter_of_captures(residual, pixels)
     return max(settings.negligible_chi2, largest_by_chance(mean, variance, settings.significance))
 
 
-def _scatter_of_captures(residual: torch.Tensor, pixels: torch.Tensor) -> float:
+def scatter_of_captures(residual: torch.Tensor, pixels: torch.Tensor) -> float:
     """Return the squared standard error of a right model's reduced chi2 by how far captures disagree, 0 for one or two.
 
     What counts is the disagreement relative to their mean: where no capture fits, none is near 1 by chance either.

@@ -15,7 +15,7 @@ import torch
 from sci_lightning.data.reader import find_clips
 from sci_lightning.diagnosis.blind.blind_diagnosis import diagnose_blind
 from tests.diagnosis.blind.validation import record
-from tests.measurements_file import MeasurementsFile
+from tests.measurements_file import Column, MeasurementsFile
 
 ROTATED = {"mask_rotation": {"angle": 0.8}}
 SEVERAL = {
@@ -52,7 +52,7 @@ def main(clips: Path) -> None:
             }
         )
         print(rows[-1], flush=True)
-        columns: list[tuple[str, str, int | None]] = [
+        columns: list[Column] = [
             ("field", "field", None),
             ("hidden", "hidden", None),
             ("seconds", "seconds", 0),

@@ -16,9 +16,9 @@ from sci_lightning.files.diagnosis_report import NamedEffect, Verdict
 from sci_lightning.files.json_file import says
 from sci_lightning.studies.engine import CaseRecord, FailedCase, Records, digest_of, run_cases
 from sci_lightning.studies.proving_ground.outcome import names_meant
-from tests.measurements_file import in_words
+from tests.measurements_file import Column, in_words
 
-COLUMNS: list[tuple[str, str, int | None]] = [
+COLUMNS: list[Column] = [
     ("hidden", "hidden", None),
     ("right", "named, and nothing else", None),
     ("wrong", "a wrong name, `explained`", None),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from sci_lightning.diagnosis.fit.gap import _scatter_of_captures, largest_by_chance
+from sci_lightning.diagnosis.fit.gap import largest_by_chance, scatter_of_captures
 
 
 def misfits(chi2: list[float]) -> torch.Tensor:
@@ -20,5 +20,5 @@ def misfits(chi2: list[float]) -> torch.Tensor:
 )
 def test_captures_that_disagree_widely_are_no_chance(chi2: list[float], within_chance: bool) -> None:
     residual = misfits(chi2)
-    scatter = _scatter_of_captures(residual, torch.ones_like(residual, dtype=torch.bool))
+    scatter = scatter_of_captures(residual, torch.ones_like(residual, dtype=torch.bool))
     assert (float(residual.square().mean()) <= largest_by_chance(1.0, scatter)) == within_chance

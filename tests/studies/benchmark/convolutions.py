@@ -19,7 +19,7 @@ import torch
 from sci_lightning.decoder.layers.convolution import WAYS, fastest_way
 from sci_lightning.decoder.layers.kernels import channels_last
 from sci_lightning.runs.precision import multiplies_bfloat16
-from tests.measurements_file import MeasurementsFile
+from tests.measurements_file import Column, MeasurementsFile
 
 Shape = tuple[int, int, tuple[int, int, int], int]
 
@@ -86,7 +86,7 @@ def main(arguments: Sequence[str]) -> None:
             rows.append(measure(shape, dtype))
             figures = (f"{key} {value:.0f}" if isinstance(value, float) else value for key, value in rows[-1].items())
             print(", ".join(figures))
-    columns: list[tuple[str, str, int | None]] = [(key, key, None) for key in ("shape", "type", "chosen")]
+    columns: list[Column] = [(key, key, None) for key in ("shape", "type", "chosen")]
     columns += [(name, name.replace("_", " "), 0) for name in WAYS]
     note = "GFLOP/s of one thread's processor time, two operations per multiply-accumulate; the fastest call."
     file.write(columns, rows, [note])

@@ -22,11 +22,11 @@ from sci_lightning.studies.engine import run_cases
 from sci_lightning.studies.tables.paper_figures import paper_figures
 from sci_lightning.studies.tables.rows import check_recipe, is_kept, kept_files, plan
 from sci_lightning.studies.tables.run import find_runs
-from tests.measurements_file import ROOT, MeasurementsFile
+from tests.measurements_file import ROOT, Column, MeasurementsFile
 from tests.studies.engine.numbers import Number, records, square
 
 COUNTS = (100, 1000, 10_000)
-COLUMNS: list[tuple[str, str, int | None]] = [
+COLUMNS: list[Column] = [
     ("what", "processor time, files and bytes of a case", None),
     ("count", "cases", 0),
     ("run", "run (ms)", 2),
