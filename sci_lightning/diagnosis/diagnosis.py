@@ -31,6 +31,7 @@ from sci_lightning.diagnosis.residual_tests import Residuals, ResidualTest
 from sci_lightning.diagnosis.residual_tests.all_tests import residual_tests
 from sci_lightning.diagnosis.result import Assessment, CalibratedResult
 from sci_lightning.diagnosis.search.evidence import error_correlation, imperfections_in, named_effects
+from sci_lightning.diagnosis.search.search import with_likeliest_place
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import Effect
 
@@ -102,8 +103,13 @@ def diagnose(
         odd, worse = bad_verification_captures(explanation.fit, observation, unseen, everything)
         unseen, bad = None if odd.all() else unseen.take(~odd), (*bad, *worse)
     before, after = (assess(fit, seed) for fit in (ideal, explanation.corrected(free_forms)))
-    corrected = after.fit
     remaining = remaining_tests(before, after)
+    left = remaining or not after.gap.within_chance
+    if left and not explanation.unnamed and time.allows("where something is left", share=1.0):
+        explanation = with_likeliest_place(explanation, on_progress)
+        before, after = (assess(fit, seed) for fit in (explanation.ideal, explanation.corrected(free_forms)))
+        remaining = remaining_tests(before, after)
+    corrected = after.fit
     # more noise than stated makes room for what is left, and is no finding of its own beside that
     noise = {} if explanation.unnamed or remaining else explanation.noise
     names = sorted((*explanation.names, *noise), key=lambda name: model.vocabulary[name].rank)

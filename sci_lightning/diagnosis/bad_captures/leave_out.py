@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import torch
@@ -18,8 +18,9 @@ from sci_lightning.diagnosis.bad_captures.suspects import (
 from sci_lightning.diagnosis.fit.budget import Budget
 from sci_lightning.diagnosis.fit.fit import Fit
 from sci_lightning.diagnosis.model.camera_model import CameraModel
-from sci_lightning.diagnosis.model.hypothesis import NOISE_GUESS
+from sci_lightning.diagnosis.model.hypothesis import NOISE_GUESS, Hypothesis
 from sci_lightning.diagnosis.model.observation import Observation
+from sci_lightning.diagnosis.search.remaining_misfit import quantified
 from sci_lightning.diagnosis.search.screening import screen
 from sci_lightning.diagnosis.search.search import Explanation, explain, ideal_camera
 from sci_lightning.diagnosis.search.selection import OnProgress
@@ -116,12 +117,24 @@ def explain_without_bad_captures(
         if bool((odd == left_out).all()):
             return explanation, describe(explanation.fit, observation, misfit, odd, "fits and choices")
         left_out = odd
-        if tuple(odd.tolist()) in searched:
+        if tuple(odd.tolist()) in searched or not budget.allows("a search with other captures"):
             break
     key = tuple(nobody.tolist())
     if key not in searched:
-        searched[key] = explain(ideal, on_progress)
+        enough = budget.allows("a search with all captures")
+        searched[key] = explain(ideal, on_progress) if enough else fitted_to_all(explanation, ideal)
     return searched[key], ()
+
+
+def fitted_to_all(explanation: Explanation, ideal: Fit) -> Explanation:
+    """Return what a search over some captures found, fitted to those of the ideal camera, where there is no time left
+    to search again."""
+    hypothesis, model = explanation.fit.hypothesis, ideal.fitter.model
+    maps = {name: values for name, values in hypothesis.maps.items() if not model.effects[name].of_captures}
+    fitter = ideal.fitter.covering(hypothesis)
+    fit = fitter.fit(Hypothesis(hypothesis.effects, maps), iterations=20, fixed=explanation.fit.fixed)
+    unnamed = tuple(quantified(fit, one) for one in explanation.unnamed)
+    return replace(explanation, ideal=fitter.repeated(ideal), fit=fit, unnamed=unnamed)
 
 
 def unexplained(fit: Fit, observation: Observation, misfit: torch.Tensor, odd: torch.Tensor) -> torch.Tensor:

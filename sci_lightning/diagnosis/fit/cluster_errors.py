@@ -134,6 +134,8 @@ def map_dispersion(fit: Fit, one: FixedPatternMap) -> tuple[float, float]:
         scores, about = scores[free_of_shape], about[free_of_shape]
     total = about.sum(0)
     known = total > MIN_INFORMATION
+    if one.kind == "hot":  # all others are 0, and agree about that
+        known &= one.values.flatten() > 0
     scores, about, total = scores[:, known], about[:, known], total[known]
     share = about / total  # of a target in what is known about a value, which follows it to that part
     several = 1 / share.square().sum(0) - 1

@@ -228,10 +228,17 @@ class Fitter:
         return Fitter(self.model, replace(self.split, border=wider), self.settings, budget=self.budget)
 
     def repeated(self, fit: Fit) -> Fit:
-        """Return a fit repeated with the pixels that count here; the fit itself if it was made with these."""
+        """Return a fit repeated with the pixels that count here; the fit itself if it was made with these.
+
+        Maps know nothing yet about pixels that have not counted before. They come first: the parameters would try to
+        explain what the maps lack there.
+        """
         if fit.fitter.split.border == self.split.border:
             return fit
-        return self.fit(self._with_hot_pixels(fit.hypothesis), iterations=20, fixed=fit.fixed)
+        start = self._with_hot_pixels(fit.hypothesis)
+        if fit.maps and self.pixels > fit.fitter.pixels:
+            start = self.fit(start, iterations=8, fixed=FreeParameters.of(self.model, start).names).hypothesis
+        return self.fit(start, iterations=20, fixed=fit.fixed)
 
     def _with_hot_pixels(self, hypothesis: Hypothesis) -> Hypothesis:
         """Return a hypothesis that names the hot pixels among those that count here.

@@ -11,6 +11,9 @@ ABANDON_NATS = 60.0
 """Nats by which a fit may stay behind another one for good before it is abandoned; well above what the criterion's
 penalty for parameters makes up for."""
 
+CHANCE_NATS = 2.0
+"""Nats by which other captures may be less likely by chance, where a map takes the place of one number, say."""
+
 
 def bic(fit: Fit) -> float:
     """Return log-likelihood minus half of ln(n) for each parameter, in nats: -1/2 times Schwarz's criterion.
@@ -30,11 +33,11 @@ def bic_penalty(parameters: int, pixels: float) -> float:
 def bic_gain(smaller: Fit, larger: Fit) -> float:
     """Return the nats by which a larger model is better than a smaller one, beyond ``SearchSettings.min_gain_nats``.
 
-    In a laboratory it is minus infinity if the held-out captures are not likelier with the larger model: where every
-    capture has errors of its own, only other captures say whether they have something in common.
+    In a laboratory it is minus infinity if the held-out captures are less likely with the larger model, by more than
+    chance: where every capture has errors of its own, only other captures say whether they have something in common.
     """
     held_out = larger.held_out_log_likelihood - smaller.held_out_log_likelihood
-    if larger.in_laboratory and larger.fitter.split.held_out.any() and held_out <= 0:
+    if larger.in_laboratory and larger.fitter.split.held_out.any() and held_out < -CHANCE_NATS:
         return -math.inf
     return bic(larger) - bic(smaller) - larger.fitter.settings.min_gain_nats
 

@@ -9,7 +9,8 @@ from sci_lightning.diagnosis.blind.blind_diagnosis import BlindDiagnosis
 from sci_lightning.diagnosis.fit.gap import Gap
 from sci_lightning.diagnosis.result import CalibratedResult
 from sci_lightning.diagnosis.search.evidence import Estimate, NamedEffect
-from sci_lightning.diagnosis.search.probability import PRIOR_PROBABILITY
+from sci_lightning.diagnosis.search.probability import MIN_PROBABILITY, PRIOR_PROBABILITY
+from sci_lightning.diagnosis.search.remaining_misfit import Unnamed
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.encoder.effects import Effect
 from sci_lightning.encoder.effects.parameter import Value
@@ -184,7 +185,7 @@ def _disagreement(result: CalibratedResult) -> str:
 def _what_is_left(result: CalibratedResult) -> str:
     """Say why the verdict is neither ``consistent`` nor ``explained``."""
     if result.unnamed:
-        places = ", and ".join(f"in the {unnamed.stage}, {unnamed.where}" for unnamed in result.unnamed)
+        places = ", and ".join(f"{_perhaps(one)}in the {one.stage}, {one.where}" for one in result.unnamed)
         return f"something without a name is left ({places})" if result.effects else places
     if remaining := result.remaining:
         names = ", ".join(test.name for test in remaining[:4]) + (", .." if len(remaining) > 4 else "")
@@ -192,6 +193,10 @@ def _what_is_left(result: CalibratedResult) -> str:
     gap = result.judging[1]
     unseen = "" if result.verification is None else " on captures that nothing has seen"
     return f"chi2{unseen} is {chi2(gap.chi2)}, {_chance(gap)}, and no test of the residuals says where it comes from"
+
+
+def _perhaps(unnamed: Unnamed) -> str:
+    return "perhaps " if unnamed.probability is not None and unnamed.probability < MIN_PROBABILITY else ""
 
 
 def _acceptable_by_chance(gap: Gap) -> bool:

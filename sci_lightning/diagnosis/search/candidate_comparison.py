@@ -14,7 +14,9 @@ from functools import cached_property
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
 from sci_lightning.diagnosis.fit.information_criterion import ABANDON_NATS, bic_gain, bic_penalty
 from sci_lightning.diagnosis.model.hypothesis import Hypothesis, Setting
+from sci_lightning.diagnosis.search.map_test import has_mean
 from sci_lightning.diagnosis.search.probability import evidence_for
+from sci_lightning.diagnosis.search.remaining_misfit import contradicted_maps
 from sci_lightning.diagnosis.search.screening import Candidate, screen
 from sci_lightning.encoder.effects.parameter import part_of
 
@@ -61,14 +63,22 @@ class CandidateComparison:
         enough = [name for name, gain in self._bic_gains.items() if gain > 0]
         return max(enough, key=self._bic_gains.__getitem__, default=None)
 
-    def most_probable(self) -> str | None:
+    def most_probable(self, imitating: bool = False) -> str | None:
         """Return the candidate of the largest gain among those that are more probable than not; None if there is none.
 
         What clusters of pixels disagree about is not counted (:mod:`~sci_lightning.diagnosis.search.probability`).
+
+        Args:
+            imitating: whether it may be a map that is not what its name says.
         """
         ranked = sorted((name for name, gain in self._bic_gains.items() if gain > 0), key=self._bic_gains.__getitem__)
         probable = (n for n in reversed(ranked) if evidence_for(self.fits[n], n, without=self.best).log_odds > 0)
-        return next(probable, None)
+        return next((name for name in probable if imitating or not self._imitates(name)), None)
+
+    def _imitates(self, name: str) -> bool:
+        """Return whether the map of a candidate is not what its name says, if it has one."""
+        fit = self.fits[name]
+        return name in fit.maps and (has_mean(fit.maps[name]) or name in contradicted_maps(fit))
 
     def probabilities(self) -> dict[str, float]:
         """Return how probable each candidate is that gained anything, by name."""

@@ -43,7 +43,9 @@ class FormulaError:
 
     def of_nothing(self, about: Parameter) -> float:
         """Return it where the effect does nothing; 0 for parameters that have no such value, or infinity for it."""
-        return 0.0 if about.log or not isinstance(about.neutral, (int, float)) else self.steps * about.step
+        if about.log or not isinstance(about.neutral, (int, float)):
+            return 0.0
+        return max(self.steps * about.step, about.inexact)
 
 
 IDEAL = FormulaError(1e-3, 1e-2)

@@ -24,6 +24,8 @@ MIN_FINE_DETAIL_SHARE = 0.02
 MAX_STRUCTURED_SHARE = 0.1
 """Part of a pixel map's variance that may have a structure where targets and exposures have errors: the map holds what
 the targets' share."""
+RARE_SIGMA = 5.0
+"""Standard deviations beyond which one in two million Gaussian values lies."""
 NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1), (0, 2), (2, 0))
 """Displacements (rows, columns) at which values are correlated with each other."""
 
@@ -66,6 +68,14 @@ def map_p_value(one: FixedPatternMap, dispersion: float = 1.0, in_laboratory: bo
     return min(1.0, min(p_values) * len(p_values))
 
 
+def has_mean(one: FixedPatternMap) -> bool:
+    """Return whether rows or columns clearly share an offset, which is no noise of theirs."""
+    values = one.values.flatten()
+    if one.kind not in ("row", "column") or len(values) < MIN_VALUES:
+        return False
+    return abs(float(values.mean())) > RARE_SIGMA * float(values.std()) / math.sqrt(len(values))
+
+
 def _neighbours(values: torch.Tensor) -> float:
     """Return the p-value of the correlations with all neighbours together."""
     squares, count = 0.0, 0
@@ -80,11 +90,13 @@ def _neighbours(values: torch.Tensor) -> float:
 
 
 def _structured_share(values: torch.Tensor, known: torch.Tensor) -> float:
-    """Return the largest part of the variance that rows, columns or blocks have in common, or neighbours."""
+    """Return the largest part of the variance that rows, columns or blocks have in common, or neighbours, or that the
+    few values hold which a Gaussian does not have."""
     rows, columns = (_squares(values.sum(axis), known.sum(axis)) for axis in (1, 0))
     shared = [(squares - free) / float(known.sum()) for squares, free in (rows, columns, _block_squares(values, known))]
     alike = [float((values[:-1] * values[1:]).mean()), float((values[:, :-1] * values[:, 1:]).mean())]
-    return max(*shared, *map(abs, alike))
+    rare = float(values[values.abs() > RARE_SIGMA].square().sum() / known.sum())
+    return max(*shared, *map(abs, alike), rare)
 
 
 def _trend(values: torch.Tensor, known: torch.Tensor) -> float:

@@ -7,6 +7,7 @@ themselves.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import torch
@@ -16,13 +17,18 @@ from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.model.hypothesis import ParameterName, datasheet_noise
 from sci_lightning.diagnosis.search.probability import MIN_PROBABILITY, evidence_for
 
+MAX_TIMES_DATASHEET = 8.0
+"""Standard deviation of a sensor's noise, in that of its datasheet, beyond which it is not noise that is missing."""
+LEAST_READ_NOISE = 0.5
+"""Read noise in DN that a datasheet which states less is taken to mean."""
+
 
 def select_noise(fit: Fit) -> tuple[Fit, Mapping[str, float]]:
     """Return the fit with the datasheet's noise where the captures bear it, and how probable the rest is, by name.
 
     Of the stated parameters, the one that gains most is freed if it probably differs
-    (:mod:`~sci_lightning.diagnosis.search.probability`), in all captures and in those of even targets alone. Then
-    another one may follow.
+    (:mod:`~sci_lightning.diagnosis.search.probability`), in all captures and in those of even targets alone, and is not
+    beyond what sensors are sold with. Then another one may follow.
     """
     datasheet, stated = datasheet_noise(fit.fitter.model.observation)
 
@@ -45,9 +51,28 @@ def select_noise(fit: Fit) -> tuple[Fit, Mapping[str, float]]:
     return best, probable
 
 
+def beyond_datasheet(fit: Fit, *parameters: ParameterName) -> bool:
+    """Return whether the noise of a fit is more than ``MAX_TIMES_DATASHEET`` times the datasheet's: it is not noise.
+
+    Args:
+        fit: whose noise it is.
+        parameters: that are looked at; none for all that the datasheet states.
+    """
+    datasheet, stated = datasheet_noise(fit.fitter.model.observation)
+    times = []
+    for name, parameter in parameters or stated:
+        value, nominal = (float(one.effects[name][parameter]) for one in (fit.hypothesis, datasheet))
+        # a full well is an inverse variance
+        is_well = fit.fitter.model.effects[name].about[parameter].log
+        times.append(math.sqrt(nominal / max(value, 1e-9)) if is_well else value / max(nominal, LEAST_READ_NOISE))
+    return max(times, default=0.0) > MAX_TIMES_DATASHEET
+
+
 def probability_of_noise(one: ParameterName, freed: Fit, stated: Fit) -> float:
     """Return how probable it is that a parameter of the noise, freed in one fit, differs from that of another."""
     name, _ = one
+    if beyond_datasheet(freed, one):
+        return 0.0
     probability = evidence_for(freed, name, without=stated).probability
     observation = freed.fitter.model.observation
     even = torch.tensor([scene.shape[1:] == (1, 1) for scene in observation.scene])

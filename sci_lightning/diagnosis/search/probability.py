@@ -75,11 +75,26 @@ def evidence_for(fit: Fit, name: str, errors: ClusterErrors | None = None, witho
     without = without or fit.without(name, from_afar=True)
     nats = min(fit.log_likelihood - without.log_likelihood, nats_from_nothing(fit, name))
     dispersion, freedom = errors.of_effect(name)
-    gain = calibrated(nats, dispersion, freedom)
+    of_maps = prior_nats(fit, without)
+    gain = calibrated(nats - of_maps, dispersion, freedom) + of_maps
     if name in fit.maps:
         gain = min(gain, map_evidence(fit, fit.maps[name], dispersion))
     gain = min(gain, nats_beyond_errors(fit, name, errors))
     return Evidence(nats, dispersion, gain - occam_factor(fit, name, errors))
+
+
+def prior_nats(fit: Fit, without: Fit) -> float:
+    """Return the nats by which the camera's own maps are likelier, at most what is gained at all.
+
+    They are no matter of pixels, which may disagree: without a black level, say, the offsets of columns hold it, and
+    have to be larger.
+    """
+    gained = sum(
+        without.maps[name].penalty - one.penalty
+        for name, one in fit.maps.items()
+        if name in without.maps and not one.of_captures
+    )
+    return min(max(gained, 0.0), max(fit.log_likelihood - without.log_likelihood, 0.0))
 
 
 def map_evidence(fit: Fit, one: FixedPatternMap, dispersion: float) -> float:

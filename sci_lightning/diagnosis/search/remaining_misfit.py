@@ -37,6 +37,8 @@ PROBE_MAX_DERIVATIVES = 250_000_000
 """Derivatives held in memory at once, 4 bytes each; larger free forms are left out."""
 PROBES_FITTED = 3
 """Free forms per round that are fitted jointly after screening, as ``SearchSettings.candidates_fitted``."""
+MIN_PLACE_NATS = 100.0
+"""Gain from which a free form says where to look although it is improbable."""
 MAX_MAP_P_VALUE = 1e-4
 """p-value below which an estimated map contradicts the definition of its effect (independent Gaussian values)."""
 
@@ -191,6 +193,31 @@ def best_free_form(
             log_odds = evidence_for(larger, deviation.name).log_odds - deviation.choice_penalty
         if log_odds > largest:
             best, largest = (smaller, replace(deviation, log_odds=log_odds), larger), log_odds
+    return best
+
+
+def likeliest_place(fit: Fit) -> tuple[Fit, list[Unnamed]]:
+    """Add the free form that describes most of what a model leaves, however improbable it is that this is all.
+
+    Where something is left that no free form describes well, clusters of pixels disagree about every one of them. The
+    one that gains most still says where to look.
+
+    Args:
+        fit: a model that misses something.
+
+    Returns:
+        the model with it, and the free form; the model as it was and nothing if none gains ``MIN_PLACE_NATS``.
+    """
+    pixels, most = float(fit.fitter.pixels), MIN_PLACE_NATS
+    best: tuple[Fit, list[Unnamed]] = (fit, [])
+    for deviation in screen_free_forms(fit, {})[:PROBES_FITTED]:
+        start = deviation.added(fit.fitter, fit.hypothesis)
+        smaller = fit.fitter.covering(start).repeated(fit)
+        larger = smaller.fitter.fit(start, iterations=15, fixed=fit.fixed, from_afar=True)
+        gain = replace(deviation, gain=larger.log_likelihood - smaller.log_likelihood).bic_gain(pixels)
+        if gain > most:
+            odds = evidence_for(larger, deviation.name, without=smaller).log_odds - deviation.choice_penalty
+            best, most = (larger, [_unnamed(larger, replace(deviation, log_odds=odds), {})]), gain
     return best
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -167,7 +167,7 @@ def _changes(one: Prediction, other: Prediction) -> bool:
     return one.bits != other.bits or float((one.mean - other.mean).abs().max()) > INVISIBLE_DN
 
 
-def rivals(fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
+def rivals(fit: Fit, without: Fit, name: str, only: Collection[str] | None = None) -> list[tuple[str, Fit]]:
     """Fit other effects in the place of one, those that may explain nearly as much.
 
     Which these are follows from the information that the captures hold about the effect and the other together, with
@@ -177,6 +177,7 @@ def rivals(fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
         fit: with the effect.
         without: the best fit without it.
         name: of the effect.
+        only: other effects that are considered; None for all.
     """
     fitter, model, settings = fit.fitter, fit.fitter.model, fit.fitter.settings
     if model.effects[name].noise or model.effects[name].is_discrete():
@@ -193,7 +194,7 @@ def rivals(fit: Fit, without: Fit, name: str) -> list[tuple[str, Fit]]:
     allowed = max(RIVAL_FRACTION, RIVAL_NATS / max(evidence, 1.0))
     close = []
     for other, effect in model.vocabulary.items():
-        if other in fit.hypothesis.effects or effect.noise or effect.map_kind:
+        if other in fit.hypothesis.effects or effect.noise or effect.map_kind or other not in (only or [other]):
             continue
         starts = starting_settings(model, other, without.hypothesis)[:RIVAL_STARTS]
         predictions = [coarse.model.predict(with_effect_at(model, base, other, start)) for start in starts]

@@ -22,10 +22,12 @@ from sci_lightning.diagnosis.search.improbable_effects import (
 )
 from sci_lightning.diagnosis.search.noise import select_noise
 from sci_lightning.diagnosis.search.remaining_misfit import (
+    FIRST_FREE_FORM_SHARE,
     Unnamed,
     best_free_form,
     contradicted_maps,
     explain_remaining_misfit,
+    likeliest_place,
     quantified,
 )
 from sci_lightning.diagnosis.search.selection import OnProgress, Round, select_effects
@@ -67,9 +69,8 @@ class Selected:
     """A model that was selected in one of two ways: names first, or the strongest deviation without a name first."""
 
     fit: Fit
-    noise: Mapping[str, float]
-    rounds: Sequence[Round]
     unnamed: Sequence[Unnamed]
+    rounds: Sequence[Round]
 
 
 def ideal_camera(model: CameraModel, settings: SearchSettings, budget: Budget | None = None) -> Fit:
@@ -95,13 +96,16 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
     noise, stated = datasheet_noise(whole.model.observation)
     keep = {*noise.effects, *whole.model.imperfections}
     fit, rounds = select_effects(whole, noise, on_progress)
-    fit, unnamed = explain_remaining_misfit(fit, keep, (), on_progress)
-    selected = Selected(*select_noise(fit), rounds, unnamed)
-    doubtful = unnamed or selected.noise or not names_are_certain(selected.fit, keep, unnamed)
+    selected = Selected(*explain_remaining_misfit(fit, keep, (), on_progress), rounds)
+    known, noise_names = select_noise(selected.fit)
+    doubtful = selected.unnamed or noise_names or not names_are_certain(selected.fit, keep, ())
     if doubtful and whole.budget.allows("effects beside a deviation without a name"):
-        selected = _with_a_free_form_first(selected, keep, on_progress) or selected
-    completed, left, withdrawn = complete(whole, selected.fit, keep, selected.unnamed, on_progress)
-    settled, noise_names = (completed, selected.noise) if completed is selected.fit else select_noise(completed)
+        other = _with_a_free_form_first(selected, keep, on_progress)
+        if other is not None:
+            selected, (known, noise_names) = other, select_noise(other.fit)
+    settled, left, withdrawn = complete(whole, known, keep, selected.unnamed, on_progress)
+    if settled is not known:
+        settled, noise_names = select_noise(settled)
     free_forms = {deviation.name for deviation in left}
     names = [
         name
@@ -140,12 +144,11 @@ def _with_a_free_form_first(first: Selected, keep: Collection[str], on_progress:
     fit, rounds = select_effects(start.fitter, larger.hypothesis, on_progress)
     fit = prune(fit, larger.hypothesis.effects)
     fit, unnamed = explain_remaining_misfit(fit, keep, (free_form,), on_progress)
-    fit, noise = select_noise(fit)
     common = fit.fitter.with_border(first.fit.fitter.split.border)
     # a free form that is as likely as a named effect (stray light as an offset, say) does not take its place
     gain = bic(common.repeated(fit)) - bic(common.repeated(first.fit))
     better = gain > common.settings.indistinct_nats and not names_are_certain(first.fit, keep, first.unnamed)
-    return Selected(fit, noise, rounds, unnamed) if better else None
+    return Selected(fit, unnamed, rounds) if better else None
 
 
 def complete(
@@ -174,6 +177,8 @@ def complete(
     certain, left, withdrawn = without_improbable_effects(wide, keep, unnamed, on_progress)
     if certain is wide or any(deviation.name in whole.model.vocabulary for deviation in left):
         return certain, left, withdrawn  # the map of a rejected effect is where nothing else would be localised
+    if left and not whole.budget.allows("another place of what has no name", share=FIRST_FREE_FORM_SHARE):
+        return certain, left, withdrawn
     # what was localised beside names that are withdrawn may have another place without them
     named = without_unnamed(certain.hypothesis, left)
     return *explain_remaining_misfit(certain.fitter.fit(named, iterations=20), keep, (), on_progress), withdrawn
@@ -192,6 +197,30 @@ def misfit_outside(fit: Fit, narrow: Fitter) -> float:
     outside = torch.ones(wide.model.observation.size, dtype=torch.bool)
     outside[narrow.split.window] = False
     return float(residual[:, outside[wide.split.window]].square().mean())
+
+
+def with_likeliest_place(explanation: Explanation, on_progress: OnProgress) -> Explanation:
+    """Say where a model misses something that it has no name for, and withdraw the names that are improbable beside it.
+
+    Args:
+        explanation: without anything unnamed.
+        on_progress: called with a one-line message after every step.
+    """
+    fit, unnamed = likeliest_place(explanation.fit)
+    if not unnamed:
+        return explanation
+    on_progress(f"unnamed, perhaps: {unnamed[0].where}")
+    keep = {name for name in fit.hypothesis.effects if name not in explanation.names and name != unnamed[0].name}
+    fit, unnamed, withdrawn = without_improbable_effects(fit, keep, unnamed, on_progress)
+    names = tuple(name for name in explanation.names if name in fit.hypothesis.effects)
+    return replace(
+        explanation,
+        ideal=fit.fitter.repeated(explanation.ideal),
+        fit=fit,
+        names=names,
+        unnamed=tuple(unnamed),
+        not_named={**explanation.not_named, **withdrawn},
+    )
 
 
 def _without_contradicted_maps(explanation: Explanation, on_progress: OnProgress) -> Explanation:

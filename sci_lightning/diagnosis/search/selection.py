@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from sci_lightning.diagnosis.fit.budget import EXCHANGE_SHARE
 from sci_lightning.diagnosis.fit.cluster_errors import cluster_errors
 from sci_lightning.diagnosis.fit.fit import MIN_LABORATORY_NATS, Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic, prune
+from sci_lightning.diagnosis.fit.information_criterion import bic, prune, with_common_pixels
 from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.search.candidate_comparison import CandidateComparison, compare_candidates
 from sci_lightning.diagnosis.search.displacement import far_displacements
+from sci_lightning.diagnosis.search.noise import beyond_datasheet
 from sci_lightning.diagnosis.search.screening import rivals
 
 OnProgress = Callable[[str], None]
@@ -21,6 +22,9 @@ LABORATORY_ITERATIONS = 6
 """Iterations of the fit that shows whether the laboratory has errors; it starts from a fitted model without them."""
 MIN_PROBABLE_NATS = 10.0
 """Nats without which no effect can be more probable than not: the prior asks for four, its numbers for several more."""
+IMPROBABLE_SHARE = 0.5
+"""Part of the budget after which candidates that gain less are not fitted where the best ones are improbable: what has
+no name needs the rest."""
 WEAK_NATS = 100.0
 """Gain below which effects are compared once more with narrow borders."""
 WEAK_START_SHARE = 0.1
@@ -80,7 +84,9 @@ def select_effects(
             if gain < near.gain_of(near.winner()) < WEAK_NATS:
                 comparison = near
         comparison, added = most_probable(comparison)
-        if (in_laboratory := with_laboratory(comparison.best, comparison.gain_of(added))) is not None:
+        # errors of a laboratory are small: where much is missing, they would imitate effects
+        in_order = added is None or not beyond_datasheet(comparison.best)
+        if in_order and (in_laboratory := with_laboratory(comparison.best, comparison.gain_of(added))) is not None:
             on_progress("errors of exposures and targets become part of every model")
             best = prune(in_laboratory, keep)
             continue
@@ -92,8 +98,9 @@ def select_effects(
             break
         on_progress(f"{added}: {comparison.gains()[added][0]:.0f} nats")
         larger = comparison.fits[added]
-        best = prune(comparison.screener.covering(larger.hypothesis).repeated(larger), keep)
-        if added not in best.hypothesis.effects:  # the same would be added again
+        best = with_plainer(prune(comparison.screener.covering(larger.hypothesis).repeated(larger), keep))
+        if not {added, larger.fitter.model.effects[added].plainer} & {*best.hypothesis.effects}:
+            # the same would be added again
             break
     return exchange(best, keep), rounds
 
@@ -103,15 +110,18 @@ def most_probable(comparison: CandidateComparison) -> tuple[CandidateComparison,
 
     Where captures disagree, much likelihood may be gained by what is improbable, and candidates that gain less follow.
     In a laboratory all that promise anything follow: screening leaves the sizes of its errors as they are, which have
-    grown by what an effect that they imitate would gain.
+    grown by what an effect that they imitate would gain. A map that is not what its name says comes last: it holds what
+    it imitates, for which there may be a name.
     """
-    refused, budget = set[str](), comparison.best.fitter.budget
-    while (added := comparison.most_probable()) is None and budget.allows("improbable effects"):
+    refused, first, budget = set[str](), comparison, comparison.best.fitter.budget
+    while (added := comparison.most_probable()) is None and budget.allows("improbable effects", IMPROBABLE_SHARE):
         largest = max((gain for gain, _ in comparison.gains().values()), default=0.0)
         refused.update(comparison.fits)  # what was abandoned for the sake of one of these has another chance
         if not comparison.fits or (largest < MIN_PROBABLE_NATS and not comparison.best.in_laboratory):
             break
         comparison = comparison.with_others(refused)
+    if added is None and (imitating := first.most_probable(imitating=True)) is not None:
+        return first, imitating
     return comparison, added
 
 
@@ -128,9 +138,6 @@ def with_laboratory(fit: Fit, least: float) -> Fit | None:
 def exchange(fit: Fit, keep: Collection[str]) -> Fit:
     """Replace effects that were selected before the others were known, where another effect now fits better.
 
-    Of two effects that the captures do not tell apart, in nats that count as much as clusters of pixels agree about the
-    effect, the plainer one stands.
-
     Args:
         fit: the selected model.
         keep: effects that stay.
@@ -139,23 +146,31 @@ def exchange(fit: Fit, keep: Collection[str]) -> Fit:
     while waiting:
         name = waiting.pop(0)
         tried.add(name)
-        several = len(fit.hypothesis.effects) - len(keep) > 1
-        if name in fit.hypothesis.effects and (several or fit.fitter.model.effects[name].plainer):
+        if name in fit.hypothesis.effects and len(fit.hypothesis.effects) - len(keep) > 1:
             if not fit.fitter.budget.allows(f"other effects in place of {name}", EXCHANGE_SHARE):
                 continue
             effects, now = fit.fitter.model.effects, name
             for other, rival in rivals(fit, fit.without(name, from_afar=True), name):
-                common = fit.fitter.covering(rival.hypothesis)
-                former, instead = common.repeated(fit), common.repeated(rival)
-                needed = common.settings.min_gain_nats
-                if effects[now].plainer == other:
-                    needed = -common.settings.indistinct_nats * cluster_errors(former).of_effect(now)[0]
-                elif effects[other].plainer == now:
-                    needed = common.settings.indistinct_nats
+                settings = fit.fitter.settings
+                needed = settings.indistinct_nats if effects[other].plainer == now else settings.min_gain_nats
+                former, instead = with_common_pixels(fit, rival)
                 if bic(instead) > bic(former) + needed:
                     fit, now = instead, other
-                    if needed < 0:  # the next rival would have to be better than what the plainer one replaced
-                        break
             if now not in tried:  # what took its place may have other rivals
                 waiting.append(now)
+    return with_plainer(fit)
+
+
+def with_plainer(fit: Fit) -> Fit:
+    """Replace effects by plainer ones that the captures do not tell from them.
+
+    What tells them apart counts as much as clusters of pixels agree about the effect.
+    """
+    for name in fit.hypothesis.effects:
+        other = fit.fitter.model.effects[name].plainer
+        if other is not None and other not in fit.hypothesis.effects:
+            indistinct = fit.fitter.settings.indistinct_nats * cluster_errors(fit).of_effect(name)[0]
+            for _, rival in rivals(fit, fit.without(name, from_afar=True), name, only=(other,)):
+                former, instead = with_common_pixels(fit, rival)
+                fit = instead if bic(instead) > bic(former) - indistinct else fit
     return fit

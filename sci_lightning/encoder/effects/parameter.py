@@ -21,6 +21,8 @@ class Parameter:
         neutral: the value at which the effect is the identity; None where there is none (the phase of a flicker).
         low, high: bounds of a number, both included.
         step: a small difference that is visible in the measurement; numerical derivatives are taken over it.
+        inexact: what the formula of the effect may be wrong by where it does nothing, as the parameter's standard
+            deviation; a small part of a step where it is less.
         starts: values at which a search starts; the neutral value need not be among them.
         choices: all values of a discrete parameter, in place of bounds; a search tries every one.
         period: of an angle; values that differ by it do the same, and a fit reports the one nearest to 0.
@@ -32,6 +34,7 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     step: float = 1e-2
+    inexact: float = 0.0
     starts: tuple[float, ...] = ()
     choices: tuple[Value, ...] = ()
     log: bool = False
