@@ -10,7 +10,7 @@ import torch
 from sci_lightning.diagnosis.diagnosis import diagnose
 from sci_lightning.diagnosis.model.fixed_pattern_map import CENTRING_INFORMATION_RATIO, FixedPatternMap
 from sci_lightning.diagnosis.model.map_system import MapSystem
-from sci_lightning.diagnosis.search.map_test import map_p_value
+from sci_lightning.diagnosis.search.map_test import has_mean, map_p_value
 from sci_lightning.diagnosis.vocabulary import vocabulary
 from sci_lightning.virtual_camera import Session, VirtualCamera
 
@@ -93,6 +93,17 @@ def test_in_a_laboratory_a_little_structure_is_no_contradiction() -> None:
     little, much = estimated(white + 0.35 * wave), estimated(white + 2 * wave)
     assert map_p_value(little) < 1e-5 and map_p_value(little, in_laboratory=True) == 1.0
     assert map_p_value(much, in_laboratory=True) < 1e-5
+    stuck = white.clone()
+    stuck.flatten()[::60] = 12.0
+    assert map_p_value(estimated(stuck), in_laboratory=True) < 1e-5
+
+
+def test_columns_that_share_an_offset() -> None:
+    """It is a black level, which has its own name; so many columns have a mean of an eighth of their deviation."""
+    columns = torch.randn(1, 64, generator=torch.Generator().manual_seed(5), dtype=torch.float64)
+    assert not has_mean(replace(estimated(columns), kind="column"))
+    assert has_mean(replace(estimated(columns + 1.5), kind="column"))
+    assert not has_mean(estimated(columns + 1.5)) and not has_mean(replace(estimated(columns[:, :8] + 9), kind="row"))
 
 
 def test_a_trend_over_few_columns_is_none_of_chance() -> None:

@@ -21,6 +21,7 @@ from sci_lightning.diagnosis.report.sentences import laboratory
 from sci_lightning.diagnosis.search.search import ideal_camera
 from sci_lightning.diagnosis.search_settings import SearchSettings
 from sci_lightning.diagnosis.vocabulary import vocabulary
+from sci_lightning.encoder.border import Border
 from sci_lightning.virtual_camera import Session, VirtualCamera
 from tests.files.formats import check
 
@@ -58,6 +59,21 @@ def test_a_gain_beside_jitter_is_named_with_its_error() -> None:
     estimate = gain.parameters["factor"]
     assert JITTER / 10 < estimate.std < JITTER and abs(float(estimate.value) - 0.93) < 4 * estimate.std
     assert result.verdict == "explained"
+
+
+def test_pixels_that_have_not_counted_before() -> None:
+    """Errors of targets know nothing about them yet, and no number of the camera takes their place."""
+    observation = observe(jittered(VirtualCamera(Session(size=(32, 32)), {"gain": {"factor": 0.93}}).capture(4)))
+    model = CameraModel(observation, FEW, imperfections=imperfections_of(observation))
+    whole = ideal_camera(model, SearchSettings()).fitter
+    start = model.with_imperfections(datasheet_noise(observation)[0].with_effect("gain", {"factor": 0.93}))
+    narrow, direct = whole.with_border(Border(6, 6, 6, 6)).fit(start, 30), whole.fit(start, 30)
+    wide = whole.repeated(narrow)
+    assert wide.fitter.pixels > narrow.fitter.pixels
+    assert wide.log_likelihood == pytest.approx(direct.log_likelihood, abs=5)
+    assert wide.hypothesis.effects["gain"]["factor"] == pytest.approx(
+        direct.hypothesis.effects["gain"]["factor"], abs=1e-3
+    )
 
 
 @pytest.fixture(scope="module")

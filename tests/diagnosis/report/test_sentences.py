@@ -54,6 +54,8 @@ def test_something_is_left() -> None:
     assert "but the residuals are not noise yet (rows)" in headline(rows)
     ghost = headline(diagnosed((SHIFT,), (GHOST,)))
     assert "without a name is left (in the optics, a second" in ghost
+    improbable = replace(GHOST, probability=0.1)
+    assert "without a name is left (perhaps in the optics, a second" in headline(diagnosed((SHIFT,), (improbable,)))
     unexplained = headline(diagnosed((), (GHOST,), after=replace(AFTER, chi2=168.93)))
     assert "(held-out chi2 168.9) and no name explains it" in unexplained
 
