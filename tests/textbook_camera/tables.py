@@ -2,8 +2,8 @@
 
 ``python -m tests.textbook_camera.tables ROUND COMMIT OUT`` writes files of ``docs/results`` from the records of a round
 in ``OUT/cases``; ``--ground DIR`` adds those of the proving ground of the same commit, ``--former DIR`` those of the
-same round by the rules of an earlier version. ``tests/textbook_camera/round-6`` is the ``OUT`` of round 6 and
-``round-6/faint`` its ``--ground``; ``round-5/former`` are the rules before.
+same round by the rules of an earlier version. ``tests/textbook_camera/round-7`` is the ``OUT`` of round 7;
+``round-6/faint`` was a ``--ground``, and ``round-5/former`` are the rules before.
 """
 
 from __future__ import annotations
