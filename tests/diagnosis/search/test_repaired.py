@@ -100,7 +100,7 @@ def test_a_level_one_dn_below_full_scale_is_named() -> None:
             "relay",
             id="a name that is withdrawn leaves a place",
             marks=pytest.mark.xfail(
-                strict=True, reason="a phased reset is named for a mask that drifts; the stage is right"
+                strict=True, reason="the stage is right, and phased_reset is named"
             ),
         ),
     ],
