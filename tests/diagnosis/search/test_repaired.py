@@ -99,9 +99,7 @@ def test_a_level_one_dn_below_full_scale_is_named() -> None:
             1014977920,
             "relay",
             id="a name that is withdrawn leaves a place",
-            marks=pytest.mark.xfail(
-                strict=True, reason="the stage is right, and phased_reset is named"
-            ),
+            marks=pytest.mark.xfail(strict=True, reason="the stage is right, and phased_reset is named"),
         ),
     ],
 )
