@@ -71,8 +71,8 @@ class SnapshotOperator:
         return (self.total() if total is None else total) * self.on_cells(frame)
 
     def uniform_scene(self, levels: torch.Tensor) -> torch.Tensor:
-        """Return the measurement ``(qH, qW)`` of frames without structure, of one brightness each, ``(T,)``."""
-        return (self.mask * levels[:, None, None]).sum(0)
+        """Return measurements ``(.., qH, qW)`` of frames without structure, of one brightness each, ``(.., T)``."""
+        return torch.tensordot(levels, self.mask, 1)
 
     def adjoint(self, measurement: torch.Tensor) -> torch.Tensor:
         """Return ``A^T y``, ``(N, T, H, W)``: the measurement y ``(N, H, W)`` times the mask of every slot."""
@@ -142,7 +142,9 @@ class SnapshotOperator:
         """Return an image or video ``(.., H, W)`` on the cells of the mask, ``(.., qH, qW)``."""
         if self.cells == 1:
             return image
-        return image.repeat_interleave(self.cells, -2).repeat_interleave(self.cells, -1)
+        height, width, cells = *image.shape[-2:], self.cells
+        apart = image[..., :, None, :, None].expand(*image.shape[:-2], height, cells, width, cells)
+        return apart.flatten(-4, -3).flatten(-2, -1)
 
 
 def _or_one(divisor: torch.Tensor) -> torch.Tensor:

@@ -115,10 +115,11 @@ def image_at(
     """
     height, width = patterns.shape[-2:]
     values = patterns.flatten(-2).mT.contiguous()  # of a mirror side by side, so that it is read at once
-    field = torch.broadcast_shapes(row.shape, column.shape)
+    row, column = torch.broadcast_tensors(row, column)
+    field = row.shape
     across = 2 * max(reach(blur, side) for blur, side in zip(sigma, pixel, strict=True))
     at_a_time = max(1, TAPS_AT_A_TIME // across**2)
-    places = [one.expand(field).flatten().split(at_a_time) for one in (row, column)]
+    places = [one.flatten().split(at_a_time) for one in (row, column)]
     extents = [one.expand(field).flatten().split(at_a_time) if one.ndim else repeat(one) for one in pixel]
     parts = []
     for y, x, high, wide in zip(*places, *extents, strict=False):

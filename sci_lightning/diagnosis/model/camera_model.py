@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -27,7 +27,11 @@ from sci_lightning.operator import SnapshotOperator
 REMEMBERED_MODULES = 1000
 """Effects with their parameters that are kept as modules: a search tries the same ones again and again."""
 REMEMBERED_LIGHT_FIELDS = 3
-"""Light fields that are kept: most parameters belong to the sensor, so that a fit needs few at a time."""
+"""Light fields that are kept at least: most parameters belong to the sensor, so that a fit needs few at a time."""
+REMEMBERED_LIGHT_BYTES = 200_000_000
+"""Memory of the images that are kept: what one look at all effects predicts serves the next, from the same camera."""
+MASK_VALUES_AT_A_TIME = 8_000_000
+"""Values of what multiplies the frames that are computed at a time, 4 bytes each."""
 MAP_STEP = 1e-3
 """Change of a map's values over which the derivative of the mean is taken."""
 
@@ -82,7 +86,8 @@ class CameraModel:
         self._scenes: Recent[list[torch.Tensor]] = Recent(REMEMBERED_LIGHT_FIELDS)
         self._images: Recent[torch.Tensor] = Recent(1)
         self._modulated: Recent[Signal] = Recent(REMEMBERED_LIGHT_FIELDS)
-        self._formed: Recent[Signal] = Recent(REMEMBERED_LIGHT_FIELDS)
+        image_bytes = 4 * observation.dn.numel()
+        self._formed: Recent[Signal] = Recent(max(REMEMBERED_LIGHT_FIELDS, REMEMBERED_LIGHT_BYTES // image_bytes))
         self._light_slopes: Recent[tuple[torch.Tensor, Prediction]] = Recent(1)
 
     def of_captures(self, observation: Observation) -> CameraModel:
@@ -288,25 +293,22 @@ class CameraModel:
         detail = next((one for one in self.target_effects(hypothesis) if isinstance(one, SceneDetail)), None)
         key = tuple(effect_key(effect) for effect in path.imaging), cells
         shown = self._images.get(key, lambda: path.images(observation.patterns))
-        images: list[torch.Tensor] = [torch.zeros(shown.shape[-2:])] * len(observation)
+        light = torch.zeros(len(observation), *shown.shape[-2:])
         lit = self._lit if scenes is observation.scene else _lit(scenes)
-        for which, sequence in enumerate(observation.sequences):  # one by one: the masks of all do not fit in memory
-            numbers = ((observation.sequence == which) & lit).nonzero()[:, 0].tolist()
-            if not numbers:
-                continue
-            masks = path.during(shown, sequence[None])[0]
+        for masks, numbers in self._masks(path, shown, lit):
             # cells are many: they are added up slot by slot, without memory for every slot's product
             operator, total = SnapshotOperator(masks, cells if detail is None else 1, slot_by_slot=cells > 1), None
-            for number in numbers:
+            even = [number for number in numbers if scenes[number].shape[1:] == (1, 1)]
+            if even:
+                light[even] = operator.uniform_scene(torch.stack([scenes[number][:, 0, 0] for number in even]))
+            for number in (one for one in numbers if one not in even):
                 scene = scenes[number] if detail is None else detail.on_cells(scenes[number], cells)
                 if scene.shape[0] == 1:  # the scene is at rest, so that the masks may be summed first
                     total = operator.total() if total is None else total
-                    images[number] = operator.static_scene(scene, total)[0]
-                elif scene.shape[1:] == (1, 1):
-                    images[number] = operator.uniform_scene(scene[:, 0, 0])
+                    light[number] = operator.static_scene(scene, total)[0]
                 else:
-                    images[number] = operator(scene[None])[0]
-        light = torch.stack(images) * observation.aperture
+                    light[number] = operator(scene[None])[0]
+        light *= observation.aperture
         return Signal(
             light,
             torch.zeros(()),
@@ -317,6 +319,25 @@ class CameraModel:
             cells,
             observation.position,
         )
+
+    def _masks(
+        self, path: LightPath, shown: torch.Tensor, lit: torch.Tensor
+    ) -> Iterator[tuple[torch.Tensor, list[int]]]:
+        """Yield what multiplies the frames in every sequence, ``(T, qH, qW)``, and the captures that are lit in it.
+
+        Some sequences are computed at a time: those of all captures do not fit in memory.
+        """
+        observation = self.observation
+        captures = [
+            (which, ((observation.sequence == which) & lit).nonzero()[:, 0].tolist())
+            for which in range(len(observation.sequences))
+        ]
+        captures = [(which, numbers) for which, numbers in captures if numbers]
+        at_a_time = max(1, MASK_VALUES_AT_A_TIME // (observation.frames * shown[0].numel()))
+        for first in range(0, len(captures), at_a_time):
+            some = captures[first : first + at_a_time]
+            masks = path.during(shown, observation.sequences[[which for which, _ in some]])
+            yield from zip(masks, (numbers for _, numbers in some), strict=True)
 
 
 def _lit(scenes: list[torch.Tensor]) -> torch.Tensor:
