@@ -157,10 +157,12 @@ def remaining_tests(before: Assessment, after: Assessment) -> tuple[ResidualTest
 
     The formulas of strong effects are a little inexact, and the errors of a laboratory are described coarsely. A test
     about mean or variance therefore has to find more than a part of the log-likelihood that the corrected camera gains,
-    and more than the errors of the laboratory gain, and the p-value has to be below ``MAX_RESIDUAL_P_VALUE``.
+    and more than the errors of the laboratory gain, unless these are as large as they may be; and the p-value has to be
+    below ``MAX_RESIDUAL_P_VALUE``.
     """
     inexact = FORMULA_NATS_SHARE * after.fit.explained_nats(before.fit)
-    inexact += sum(max(one.evidence, 0.0) for one in after.fit.maps.values() if one.of_captures)
+    if not after.fit.beyond_laboratory:
+        inexact += sum(max(one.evidence, 0.0) for one in after.fit.maps.values() if one.of_captures)
     return tuple(
         test
         for test in after.tests

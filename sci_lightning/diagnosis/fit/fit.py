@@ -20,6 +20,7 @@ from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.fit.split import Split
 from sci_lightning.diagnosis.model.camera_model import CameraModel, Evaluated
 from sci_lightning.diagnosis.model.fixed_pattern_map import (
+    MAX_TYPICAL_SIZES,
     FixedPatternMap,
     with_map_uncertainty,
     with_means_given_away,
@@ -82,6 +83,12 @@ class Fit:
     def in_laboratory(self) -> bool:
         """Whether the model has the errors of a laboratory."""
         return any(name in self.hypothesis.effects for name in self.fitter.model.imperfections)
+
+    @property
+    def beyond_laboratory(self) -> bool:
+        """Whether errors of exposures or targets are as large as they may be, so that something else is missing."""
+        typical = {name: getattr(self.fitter.model.effects[name], "typical", math.inf) for name in self.maps}
+        return any(one.std > 0.99 * MAX_TYPICAL_SIZES * typical[name] for name, one in self.maps.items())
 
     @property
     def uncertain_prediction(self) -> Prediction:

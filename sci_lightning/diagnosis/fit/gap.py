@@ -148,8 +148,8 @@ def chi2_limit(fit: Fit, residual: torch.Tensor, pixels: torch.Tensor, estimated
       fixed-pattern map was estimated: its error is common to the pixels i that share a map value c, and a_i is that
       error's part of the predicted variance of pixel i.
 
-    Where the laboratory has errors, captures of different targets disagree by more than that, and the square of the
-    standard error by this disagreement, relative to their mean, is added.
+    Where the laboratory has errors, and none as large as it may be, captures of different targets disagree by more than
+    that, and the square of the standard error by this disagreement, relative to their mean, is added.
 
     The effective number of degrees of freedom is f = 2 mean^2 / variance, and the limit is mean * Q(f) / f, where Q is
     the quantile of chi2 that one right model in a thousand exceeds (``SearchSettings.significance``, as for the
@@ -172,7 +172,7 @@ def chi2_limit(fit: Fit, residual: torch.Tensor, pixels: torch.Tensor, estimated
         for one in fit.maps.values():
             part = torch.where(pixels, one.leverage / total, 0.0).double()
             variance += 2 * one.shared_variance(part) / count**2
-    if fit.in_laboratory:
+    if fit.in_laboratory and not fit.beyond_laboratory:
         variance += scatter_of_captures(residual, pixels)
     return max(settings.negligible_chi2, largest_by_chance(mean, variance, settings.significance))
 

@@ -16,7 +16,7 @@ from scipy.stats import chi2
 from sci_lightning.diagnosis.fit.budget import SEARCH_SHARE
 from sci_lightning.diagnosis.fit.cluster_errors import map_dispersion
 from sci_lightning.diagnosis.fit.fit import Fit, Fitter
-from sci_lightning.diagnosis.fit.information_criterion import bic_penalty, prune, with_common_pixels
+from sci_lightning.diagnosis.fit.information_criterion import bic, bic_penalty, prune, with_common_pixels
 from sci_lightning.diagnosis.fit.local_gain import LocalGain
 from sci_lightning.diagnosis.fit.parameters import FreeParameters
 from sci_lightning.diagnosis.fit.split import NO_BORDER
@@ -165,7 +165,7 @@ def contradicted_maps(fit: Fit) -> dict[str, float]:
 def best_free_form(
     fit: Fit, maps: Mapping[str, type[Effect]] | None = None, only_maps: bool = False
 ) -> tuple[Fit, FreeFormCandidate | None, Fit]:
-    """Find the most probable free-form deviation by a joint fit.
+    """Find the free-form deviation that gains most in a joint fit, among those that are more probable than not.
 
     Args:
         fit: the model without it.
@@ -188,11 +188,14 @@ def best_free_form(
         smaller = fitter.covering(start).repeated(fit)
         larger = smaller.fitter.fit(start, iterations=15, from_afar=True)
         smaller, larger = with_common_pixels(smaller, larger)
+        gain = bic(larger) - bic(smaller) - deviation.choice_penalty
+        if gain <= largest:
+            continue
         log_odds = evidence_for(larger, deviation.name, without=smaller).log_odds - deviation.choice_penalty
-        if log_odds > largest:  # the smaller model may have gained by further iterations alone
+        if log_odds > 0:  # the smaller model may have gained by further iterations alone
             log_odds = evidence_for(larger, deviation.name).log_odds - deviation.choice_penalty
-        if log_odds > largest:
-            best, largest = (smaller, replace(deviation, log_odds=log_odds), larger), log_odds
+        if log_odds > 0:
+            best, largest = (smaller, replace(deviation, log_odds=log_odds), larger), gain
     return best
 
 

@@ -95,8 +95,8 @@ def explain(ideal: Fit, on_progress: OnProgress) -> Explanation:
     whole = ideal.fitter
     noise, stated = datasheet_noise(whole.model.observation)
     keep = {*noise.effects, *whole.model.imperfections}
-    fit, rounds = select_effects(whole, noise, on_progress)
-    selected = Selected(*explain_remaining_misfit(fit, keep, (), on_progress), rounds)
+    fit, rounds, before = select_effects(whole, noise, on_progress)
+    selected = Selected(*explain_remaining_misfit(fit, keep, before, on_progress), rounds)
     known, noise_names = select_noise(selected.fit)
     doubtful = selected.unnamed or noise_names or not names_are_certain(selected.fit, keep, ())
     if doubtful and whole.budget.allows("effects beside a deviation without a name"):
@@ -141,7 +141,7 @@ def _with_a_free_form_first(first: Selected, keep: Collection[str], on_progress:
     if bic(larger) <= bic(start) + 0.5 * gained_by_names:
         return None
     on_progress(f"beside it: {free_form.where}")
-    fit, rounds = select_effects(start.fitter, larger.hypothesis, on_progress)
+    fit, rounds, _ = select_effects(start.fitter, larger.hypothesis, on_progress)
     fit = prune(fit, larger.hypothesis.effects)
     fit, unnamed = explain_remaining_misfit(fit, keep, (free_form,), on_progress)
     common = fit.fitter.with_border(first.fit.fitter.split.border)

@@ -13,6 +13,7 @@ from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.search.candidate_comparison import CandidateComparison, compare_candidates
 from sci_lightning.diagnosis.search.displacement import far_displacements
 from sci_lightning.diagnosis.search.noise import beyond_datasheet
+from sci_lightning.diagnosis.search.remaining_misfit import FreeFormCandidate, best_free_form
 from sci_lightning.diagnosis.search.screening import rivals
 
 OnProgress = Callable[[str], None]
@@ -51,7 +52,7 @@ class Round:
 
 def select_effects(
     whole: Fitter, start: Hypothesis, on_progress: OnProgress = lambda message: None
-) -> tuple[Fit, list[Round]]:
+) -> tuple[Fit, list[Round], list[FreeFormCandidate]]:
     """Select effects forward by the information criterion and by their probabilities, and prune them backwards.
 
     Every round adds the effect whose joint fit gains most, among those that are more probable than not, and refits
@@ -60,7 +61,8 @@ def select_effects(
     none of them gains much, weak ones are looked for, which need narrower borders.
 
     All errors of a laboratory together are a candidate, too. Where they gain most they stay in every further model, and
-    the effects that had to imitate them go.
+    the effects that had to imitate them go. They are many numbers and take up a part of whatever is missing: where a
+    deviation without a name gains more than they do, it comes before them.
 
     Args:
         whole: fits hypotheses to the captures.
@@ -68,8 +70,10 @@ def select_effects(
         on_progress: called with a one-line message for every effect that is added.
 
     Returns:
-        the model, fitted on the pixels that it can predict, and the rounds.
+        the model, fitted on the pixels that it can predict, the rounds, and the deviation without a name that came
+        before the errors of the laboratory, if any.
     """
+    unnamed = list[FreeFormCandidate]()
     best = whole.covering(start).fit(start, iterations=30)
     rounds, settings, keep = list[Round](), whole.settings, {*start.effects, *whole.model.imperfections}
     for _ in range(settings.max_effects):
@@ -87,6 +91,13 @@ def select_effects(
         # errors of a laboratory are small: where much is missing, they would imitate effects
         in_order = added is None or not beyond_datasheet(comparison.best)
         if in_order and (in_laboratory := with_laboratory(comparison.best, comparison.gain_of(added))) is not None:
+            if in_laboratory.beyond_laboratory and not unnamed:
+                free_form, larger = larger_than_laboratory(comparison.best, in_laboratory, keep)
+                if free_form is not None:
+                    on_progress(f"more than errors of exposures and targets: {free_form.where}")
+                    unnamed, keep = [free_form], {*keep, free_form.name}
+                    best = prune(larger, keep)
+                    continue
             on_progress("errors of exposures and targets become part of every model")
             best = prune(in_laboratory, keep)
             continue
@@ -102,7 +113,7 @@ def select_effects(
         if not {added, larger.fitter.model.effects[added].plainer} & {*best.hypothesis.effects}:
             # the same would be added again
             break
-    return exchange(best, keep), rounds
+    return exchange(best, keep), rounds, unnamed
 
 
 def most_probable(comparison: CandidateComparison) -> tuple[CandidateComparison, str | None]:
@@ -133,6 +144,34 @@ def with_laboratory(fit: Fit, least: float) -> Fit | None:
     larger = fit.fitter.fit(start, LABORATORY_ITERATIONS)
     gained = bic(larger) - bic(fit)
     return larger if gained > max(least, MIN_LABORATORY_NATS) else None
+
+
+def larger_than_laboratory(fit: Fit, in_laboratory: Fit, keep: Collection[str]) -> tuple[FreeFormCandidate | None, Fit]:
+    """Return a deviation without a name in the place of errors of the laboratory that are as large as they may be.
+
+    It is probable, and gains at least half of what they do: they are hundreds of numbers, and take up much of whatever
+    is missing. It may do so beside the names of the model, or in their place too: what a name imitates shows little
+    beside it.
+
+    Args:
+        fit: the model without either.
+        in_laboratory: the same with the errors of the laboratory.
+        keep: effects that are no names.
+
+    Returns:
+        the deviation, and the model with it; None and the model as it was if there is none.
+    """
+    nothing = fit.hypothesis
+    for name in [name for name in nothing.effects if name not in keep]:
+        nothing = nothing.without(name)
+    bare = fit if nothing is fit.hypothesis else fit.fitter.fit(nothing, iterations=30)
+    best: tuple[FreeFormCandidate | None, Fit] = (None, fit)
+    least = 0.5 * (bic(fit) + bic(in_laboratory))
+    for start in (fit,) if bare is fit else (fit, bare):
+        smaller, free_form, larger = best_free_form(start)
+        if free_form is not None and bic(larger) > least + bic(smaller) - bic(start):
+            best, least = (free_form, larger), bic(larger)
+    return best
 
 
 def exchange(fit: Fit, keep: Collection[str]) -> Fit:
