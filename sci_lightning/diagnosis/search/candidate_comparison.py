@@ -63,16 +63,17 @@ class CandidateComparison:
         enough = [name for name, gain in self._bic_gains.items() if gain > 0]
         return max(enough, key=self._bic_gains.__getitem__, default=None)
 
-    def most_probable(self, imitating: bool = False) -> str | None:
+    def most_probable(self, imitating: bool = False, least: float = 0.0) -> str | None:
         """Return the candidate of the largest gain among those that are more probable than not; None if there is none.
 
         What clusters of pixels disagree about is not counted (:mod:`~sci_lightning.diagnosis.search.probability`).
 
         Args:
             imitating: whether it may be a map that is not what its name says.
+            least: logarithm of the odds that it must exceed; 0 for more probable than not.
         """
         ranked = sorted((name for name, gain in self._bic_gains.items() if gain > 0), key=self._bic_gains.__getitem__)
-        probable = (n for n in reversed(ranked) if evidence_for(self.fits[n], n, without=self.best).log_odds > 0)
+        probable = (n for n in reversed(ranked) if evidence_for(self.fits[n], n, without=self.best).log_odds > least)
         return next((name for name in probable if imitating or not self._imitates(name)), None)
 
     def _imitates(self, name: str) -> bool:

@@ -24,6 +24,7 @@ from sci_lightning.encoder.effects.parameter import part_of
 
 PRIOR_PROBABILITY = 0.02
 """Prior probability that an effect is there: of some thirty effects a camera has less than one."""
+PRIOR_LOG_ODDS = math.log(PRIOR_PROBABILITY / (1 - PRIOR_PROBABILITY))
 MIN_PROBABILITY = 0.5
 """Probability below which a name is withdrawn: it is wrong more often than right."""
 PRIOR_STEPS = 100.0
@@ -49,7 +50,7 @@ class Evidence:
     @property
     def log_odds(self) -> float:
         """Natural logarithm of the odds that the effect is there, if no other effect could be in its place."""
-        return self.log_bayes_factor + math.log(PRIOR_PROBABILITY / (1 - PRIOR_PROBABILITY))
+        return self.log_bayes_factor + PRIOR_LOG_ODDS
 
     @property
     def probability(self) -> float:
@@ -76,7 +77,8 @@ def evidence_for(fit: Fit, name: str, errors: ClusterErrors | None = None, witho
     nats = min(fit.log_likelihood - without.log_likelihood, nats_from_nothing(fit, name))
     dispersion, freedom = errors.of_effect(name)
     of_maps = prior_nats(fit, without)
-    gain = calibrated(nats - of_maps, dispersion, freedom) + of_maps
+    numbers = max(1, sum(effect == name for effect, _ in errors.names))
+    gain = calibrated(nats - of_maps, dispersion, freedom, numbers) + of_maps
     if name in fit.maps:
         gain = min(gain, map_evidence(fit, fit.maps[name], dispersion))
     gain = min(gain, nats_beyond_errors(fit, name, errors))
@@ -149,20 +151,21 @@ def nats_beyond_errors(fit: Fit, name: str, errors: ClusterErrors) -> float:
     covariance = errors.model[places][:, places] * scale[:, None] * scale + formula.diag()
     away = torch.tensor([float(setting[one]) - float(effect.about[one].neutral or 0.0) for one in numbers]).double()
     squares = float(away @ torch.linalg.solve(covariance, away))
-    return calibrated(squares / 2, 1.0, float(errors.freedom[places].min()))
+    return calibrated(squares / 2, 1.0, float(errors.freedom[places].min()), len(places))
 
 
-def calibrated(nats: float, dispersion: float, freedom: float) -> float:
-    """Return the logarithm of a likelihood ratio by Student's t, from one of independent Gaussian pixels.
+def calibrated(nats: float, dispersion: float, freedom: float, numbers: int = 1) -> float:
+    """Return the logarithm of a likelihood ratio by Student's t of so many numbers, from one of independent Gaussians.
 
     Args:
         nats: of independent pixels.
         dispersion: factor by which variances are larger than that.
         freedom: degrees of freedom of the dispersion.
+        numbers: that the likelihood is a function of.
     """
     if nats <= 0 or math.isinf(freedom):
         return nats / dispersion
-    return 0.5 * freedom * math.log1p(2 * nats / (dispersion * freedom))
+    return 0.5 * (freedom + numbers) * math.log1p(2 * nats / (dispersion * freedom))
 
 
 def occam_factor(fit: Fit, name: str, errors: ClusterErrors) -> float:

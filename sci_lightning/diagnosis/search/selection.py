@@ -13,6 +13,7 @@ from sci_lightning.diagnosis.model.hypothesis import Hypothesis
 from sci_lightning.diagnosis.search.candidate_comparison import CandidateComparison, compare_candidates
 from sci_lightning.diagnosis.search.displacement import far_displacements
 from sci_lightning.diagnosis.search.noise import beyond_datasheet
+from sci_lightning.diagnosis.search.probability import PRIOR_LOG_ODDS
 from sci_lightning.diagnosis.search.remaining_misfit import FreeFormCandidate, best_free_form
 from sci_lightning.diagnosis.search.screening import rivals
 
@@ -26,6 +27,8 @@ MIN_PROBABLE_NATS = 10.0
 IMPROBABLE_SHARE = 0.5
 """Part of the budget after which candidates that gain less are not fitted where the best ones are improbable: what has
 no name needs the rest."""
+MUCH_MORE = 10.0
+"""Times the gain of the best probable candidate from which one that gains more has more to say."""
 WEAK_NATS = 100.0
 """Gain below which effects are compared once more with narrow borders."""
 WEAK_START_SHARE = 0.1
@@ -123,6 +126,10 @@ def most_probable(comparison: CandidateComparison) -> tuple[CandidateComparison,
     In a laboratory all that promise anything follow: screening leaves the sizes of its errors as they are, which have
     grown by what an effect that they imitate would gain. A map that is not what its name says comes last: it holds what
     it imitates, for which there may be a name.
+
+    While another strong effect is missing, captures disagree about a right one. What gains ``MUCH_MORE`` times as much
+    as the best probable candidate therefore comes before it if it is more probable than before the captures were seen;
+    how probable it is beside the others is asked again in the end.
     """
     refused, first, budget = set[str](), comparison, comparison.best.fitter.budget
     while (added := comparison.most_probable()) is None and budget.allows("improbable effects", IMPROBABLE_SHARE):
@@ -133,6 +140,9 @@ def most_probable(comparison: CandidateComparison) -> tuple[CandidateComparison,
         comparison = comparison.with_others(refused)
     if added is None and (imitating := first.most_probable(imitating=True)) is not None:
         return first, imitating
+    supported = first.most_probable(least=PRIOR_LOG_ODDS)
+    if first.gain_of(supported) > max(MUCH_MORE * comparison.gain_of(added), WEAK_NATS):
+        return first, supported
     return comparison, added
 
 
