@@ -20,5 +20,5 @@ from tests.diagnosis.fit.small_fit import NOISE, fitter
     ],
 )
 def test_names(tmp_path: Path, hidden: dict[str, dict[str, float]]) -> None:
-    result, _ = select_effects(fitter(tmp_path, hidden), NOISE)
+    result, _, _ = select_effects(fitter(tmp_path, hidden), NOISE)
     assert set(result.hypothesis.effects) - set(NOISE.effects) == set(hidden)
